@@ -1,0 +1,3 @@
+"""Node groups, one file each; GROUPS maps the name in the menu to the function that gets or builds it."""
+
+GROUPS = {}

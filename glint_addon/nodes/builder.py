@@ -1,0 +1,96 @@
+"""Small vocabulary for building node groups: get-or-build, sockets by name, layout without typed coordinates."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..errors import SceneError
+
+COLUMN_WIDTH = 220.0  # a little wider than Blender's default node, so that links stay visible
+ROW_HEIGHT = 190.0  # about the height of a Math node
+STAMP = "glint_group"  # custom property that marks a group as ours; its value is the group's version
+
+
+def local_group(name: str) -> bpy.types.ShaderNodeTree | None:
+    """The local (not linked) node group `name`, or None.
+
+    Raises SceneError if a group of that name exists that the extension did not make.
+    """
+    group = bpy.data.node_groups.get((name, None))
+    if group is not None and (STAMP not in group or group.bl_idname != "ShaderNodeTree"):
+        raise SceneError(f'A node group named "{name}" exists that Glint did not make: rename it and try again.')
+    return group
+
+
+def new_group(name: str, version: int, description: str = "") -> bpy.types.ShaderNodeTree:
+    """An empty shader node group marked as ours."""
+    group = bpy.data.node_groups.new(name, "ShaderNodeTree")
+    group[STAMP] = version
+    group.description = description
+    return group
+
+
+def add_input(group, name, socket_type, *, default=None, low=None, high=None, subtype=None, help=""):
+    """Add an input socket to the group's interface; `help` is the tooltip and gives the unit."""
+    socket = group.interface.new_socket(name, in_out="INPUT", socket_type=socket_type)
+    if subtype is not None:
+        socket.subtype = subtype
+    if low is not None:
+        socket.min_value = low
+    if high is not None:
+        socket.max_value = high
+    if default is not None:
+        socket.default_value = default
+    socket.description = help
+    return socket
+
+
+def add_output(group, name, socket_type, *, help=""):
+    """Add an output socket to the group's interface."""
+    socket = group.interface.new_socket(name, in_out="OUTPUT", socket_type=socket_type)
+    socket.description = help
+    return socket
+
+
+def add_node(group, kind, label="", **settings):
+    """Add a node of type `kind` ("ShaderNodeMath") with properties set and sockets given by name as `inputs={...}`."""
+    inputs = settings.pop("inputs", {})
+    node = group.nodes.new(kind)
+    node.label = label
+    if label:
+        node.name = label
+    for key, value in settings.items():
+        setattr(node, key, value)
+    for key, value in inputs.items():
+        node.inputs[key].default_value = value
+    return node
+
+
+def add_math(group, operation, *operands, label="", vector=False):
+    """Add a (Vector) Math node; operands are sockets (linked) or constants. Returns its first enabled output."""
+    node = add_node(group, "ShaderNodeVectorMath" if vector else "ShaderNodeMath", label, operation=operation)
+    enabled = [socket for socket in node.inputs if socket.enabled]
+    for socket, operand in zip(enabled, operands, strict=False):
+        if isinstance(operand, bpy.types.NodeSocket):
+            group.links.new(operand, socket)
+        else:
+            socket.default_value = operand
+    return next(socket for socket in node.outputs if socket.enabled)
+
+
+def arrange(group):
+    """Place every node in columns by its longest distance from the inputs, in order of creation within a column."""
+    depth = {}
+
+    def column(node):
+        if node.name not in depth:
+            depth[node.name] = 0  # breaks cycles, which Blender does not allow but files may hold
+            sources = [link.from_node for socket in node.inputs for link in socket.links]
+            depth[node.name] = 1 + max((column(source) for source in sources), default=-1)
+        return depth[node.name]
+
+    rows = {}
+    for node in group.nodes:
+        x = column(node)
+        node.location = (x * COLUMN_WIDTH, -rows.get(x, 0) * ROW_HEIGHT)
+        rows[x] = rows.get(x, 0) + 1

@@ -1,0 +1,38 @@
+"""The only module that knows where files are: shaders, tables, the user's folder."""
+
+from pathlib import Path
+
+PACKAGE = __package__
+ROOT = Path(__file__).resolve().parent.parent
+OSL_FOLDER = ROOT / "osl"
+TABLE_FOLDER_NAME = "glint_tables"
+
+
+def manifest_file() -> Path:
+    """The extension's manifest, the only place where its version is written."""
+    return ROOT / "blender_manifest.toml"
+
+
+def shader_file(name: str) -> Path:
+    """Source of the OSL shader or header `name`, for example "glint.osl" or "footprint.h"."""
+    return OSL_FOLDER / name
+
+
+def table_folder(blend_file: str = "") -> Path:
+    """Folder for baked tables: beside the saved .blend `blend_file`, else the user's own (see `user_folder`).
+
+    The folder is not created here.
+    """
+    if blend_file:
+        return Path(blend_file).resolve().parent / TABLE_FOLDER_NAME
+    return user_folder() / TABLE_FOLDER_NAME
+
+
+def user_folder() -> Path:
+    """A folder the user may write to; the extension's own folder may be read-only."""
+    import bpy
+
+    if PACKAGE.startswith("bl_ext."):
+        # The extension's package is the parent of this one.
+        return Path(bpy.utils.extension_path_user(PACKAGE.rpartition(".")[0], create=False))
+    return Path(bpy.utils.user_resource("DATAFILES")) / "glint"
