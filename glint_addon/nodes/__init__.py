@@ -1,3 +1,7 @@
 """Node groups, one file each; GROUPS maps the name in the menu to the function that gets or builds it."""
 
-GROUPS = {}
+from . import glint_lights
+
+GROUPS = {
+    "Glint Lights": glint_lights.build,
+}

@@ -1,0 +1,55 @@
+"""The objects with glints, their bounds, and which of them a light's linking lets it shine on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..nodes.builder import STAMP
+
+
+def glint_objects(objects) -> list:
+    """Those of `objects` with a material that uses one of Glint's node groups, at any depth."""
+    known = {}
+    return [
+        thing
+        for thing in objects
+        if any(slot.material and _uses_glints(slot.material.node_tree, known) for slot in thing.material_slots)
+    ]
+
+
+def _uses_glints(tree, known) -> bool:
+    """Whether node tree `tree` is or holds a group of ours; `known` remembers the trees seen."""
+    if tree is None:
+        return False
+    if tree not in known:
+        known[tree] = STAMP in tree
+        inner = (node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup")
+        known[tree] = known[tree] or any(_uses_glints(group, known) for group in inner)
+    return known[tree]
+
+
+def world_bounds(objects) -> tuple[np.ndarray, np.ndarray]:
+    """Low and high corners, (n, 3) each, of the objects' boxes in world space, in metres; the origin for no objects."""
+    if not objects:
+        return np.zeros((1, 3)), np.zeros((1, 3))
+    corners = np.array([np.array(thing.bound_box) for thing in objects])
+    matrices = np.array([np.array(thing.matrix_world) for thing in objects])
+    world = corners @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+    return world.min(axis=1), world.max(axis=1)
+
+
+def lit_objects(lamp, objects) -> list:
+    """Those of `objects` that light linking lets light object `lamp` shine on.
+
+    A receiver collection with included members lights only those; one with excluded members alone lights all others.
+    """
+    receivers = lamp.light_linking.receiver_collection
+    if receivers is None:
+        return list(objects)
+    states = {}
+    for entry, child in zip(receivers.collection_children, receivers.children, strict=True):
+        states.update(dict.fromkeys(child.all_objects, entry.light_linking.link_state))
+    for entry, thing in zip(receivers.collection_objects, receivers.objects, strict=True):
+        states[thing] = entry.light_linking.link_state
+    otherwise = "EXCLUDE" if "INCLUDE" in states.values() else "INCLUDE"
+    return [thing for thing in objects if states.get(thing, otherwise) == "INCLUDE"]

@@ -1,0 +1,78 @@
+"""Node group "Glint Lights": the scene's small lights and its sample count, read by every glint material.
+
+The numbers are constants or driven by simple expressions (see `lights.drivers`), so a saved file renders the same
+without the add-on, in batch and in animation.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from . import builder
+from .driven import Driven, Variable, write_number
+
+NAME = "Glint Lights"
+VERSION = 1
+HINT_COUNT = 8  # all hints share the 64 closures of a shading point: 8 leave each of them 8 closures
+
+# Values of a shape's X.
+KIND_NONE = 0
+KIND_SUN = 1
+KIND_LOCAL = 2
+
+SAMPLES = "Samples"
+LIGHT_HELP = "Sun: unit vector towards the light, in world space. Other lights: position in world space, in metres"
+SHAPE_HELP = "X: 0 no light, 1 sun, 2 other light. Y: half-angle of a sun in radians, radius of other lights in metres"
+
+# Samples of the render under way: the view layer may override the scene's, by one of three rules
+# (0 use, 1 use as an upper bound, 2 ignore), and 0 of its samples means no override.
+SAMPLE_COUNT = Driven(
+    "layer if layer > 0 and (rule < 1 or rule < 2 and layer < samples) else samples",
+    (
+        Variable("samples", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.samples"),
+        Variable("rule", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.use_layer_samples"),
+        Variable("layer", "CONTEXT_PROP", "ACTIVE_VIEW_LAYER", "samples"),
+    ),
+)
+
+
+def light_name(slot: int) -> str:
+    """Name of the output, and of the node behind it, with direction or position of light `slot` (1 to HINT_COUNT)."""
+    return f"Light {slot}"
+
+
+def shape_name(slot: int) -> str:
+    """Name of the output, and of the node behind it, with kind and size of light `slot` (1 to HINT_COUNT)."""
+    return f"Shape {slot}"
+
+
+def build() -> bpy.types.ShaderNodeTree:
+    """The local group "Glint Lights", built without any light if the file has none.
+
+    Raises SceneError if a group of that name exists that the extension did not make.
+    """
+    group = builder.local_group(NAME)
+    if group is None:
+        group = builder.new_group(NAME, VERSION, "Lights that glints look for, and the number of samples")
+        _add_outputs(group)
+        _add_nodes(group)
+        builder.arrange(group)
+    return group
+
+
+def _add_outputs(group):
+    for slot in range(1, HINT_COUNT + 1):
+        builder.add_output(group, light_name(slot), "NodeSocketVector", help=LIGHT_HELP)
+        builder.add_output(group, shape_name(slot), "NodeSocketVector", help=SHAPE_HELP)
+    builder.add_output(group, SAMPLES, "NodeSocketFloat", help="Samples a pixel of the render under way")
+
+
+def _add_nodes(group):
+    names = [name(slot) for slot in range(1, HINT_COUNT + 1) for name in (light_name, shape_name)]
+    sources = {name: builder.add_node(group, "ShaderNodeCombineXYZ", name).outputs["Vector"] for name in names}
+    sources[SAMPLES] = builder.add_node(group, "ShaderNodeValue", SAMPLES).outputs["Value"]
+    write_number(sources[SAMPLES], SAMPLE_COUNT)
+
+    output = builder.add_node(group, "NodeGroupOutput")
+    for name, source in sources.items():
+        group.links.new(source, output.inputs[name])

@@ -1,0 +1,115 @@
+"""Node group "Glint Lights": its sockets, its sample count, and that Cycles sees the numbers."""
+
+import bpy
+import pytest
+
+from glint_addon.errors import SceneError
+from glint_addon.lights.drivers import connect_hints
+from glint_addon.lights.hints import scene_hints
+from glint_addon.nodes import GROUPS, glint_lights
+from glint_addon.nodes.driven import driver_curve
+from tests.helpers import cycles
+
+# A render goes through 32-bit floats and a pixel filter that sums to 1 within a few of their steps.
+RENDER_TOLERANCE = 1e-5
+
+
+def add_shown_output(scene, output):
+    """A plane that shines with the value of the group's `output` and a camera that sees nothing else."""
+    material, colour = cycles.emission_material()
+    node = material.node_tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = glint_lights.build()
+    material.node_tree.links.new(node.outputs[output], colour)
+    cycles.add_plane(scene, 2.0, material=material)
+    cycles.add_camera(scene, (0, 0, 3), width=1.0)
+
+
+def shown(scene):
+    """The RGB of the picture's middle."""
+    return cycles.rendered(scene)[2, 2, :3].tolist()
+
+
+def test_the_group_has_no_inputs_and_two_vectors_for_each_light_and_the_samples():
+    group = glint_lights.build()
+    items = [(item.name, item.in_out, item.socket_type) for item in group.interface.items_tree]
+    expected = []
+    for slot in range(1, 9):
+        expected += [(f"{name} {slot}", "OUTPUT", "NodeSocketVector") for name in ("Light", "Shape")]
+    assert items == [*expected, ("Samples", "OUTPUT", "NodeSocketFloat")]
+    assert all(item.description for item in group.interface.items_tree)
+
+
+def test_every_output_is_linked_and_every_node_labelled():
+    group = glint_lights.build()
+    [output] = [node for node in group.nodes if node.bl_idname == "NodeGroupOutput"]
+    assert [socket.name for socket in output.inputs if socket.name and not socket.is_linked] == []
+    assert all(node.label for node in group.nodes if node != output)
+
+
+def test_building_twice_gives_the_same_group_and_the_menu_knows_it(scene):
+    group = GROUPS[glint_lights.NAME]()
+    drivers = len(group.animation_data.drivers)
+    assert glint_lights.build() == group
+    assert len(group.animation_data.drivers) == drivers == 1
+    assert [tree.name for tree in bpy.data.node_groups] == ["Glint Lights"]
+
+
+def test_a_foreign_group_of_that_name_is_refused(scene):
+    bpy.data.node_groups.new("Glint Lights", "ShaderNodeTree")
+    with pytest.raises(SceneError, match="rename it"):
+        glint_lights.build()
+
+
+def test_the_sample_count_needs_no_python(scene):
+    curve = driver_curve(glint_lights.build().nodes["Samples"].outputs["Value"])
+    assert curve.driver.is_simple_expression
+
+
+@pytest.mark.parametrize(
+    ("rule", "layer_samples", "expected"),
+    [("USE", 0, 7), ("USE", 3, 3), ("USE", 9, 9), ("BOUNDED", 3, 3), ("BOUNDED", 9, 7), ("IGNORE", 3, 7)],
+)
+def test_samples_are_those_the_render_takes(rule, layer_samples, expected, tmp_path):
+    scene = cycles.empty_scene(size=(4, 4), spp=7, osl=False)
+    scene.cycles.use_layer_samples = rule
+    scene.view_layers[0].samples = layer_samples
+    add_shown_output(scene, "Samples")
+    assert shown(scene) == pytest.approx([expected] * 3, rel=RENDER_TOLERANCE)
+
+    # Cycles writes the number it took into the file.
+    scene.render.filepath = str(tmp_path / "render.exr")
+    bpy.ops.render.render(write_still=True)
+    assert f"cycles.ViewLayer.samples\0string\0\1\0\0\0{expected}".encode() in (tmp_path / "render.exr").read_bytes()
+
+
+def test_samples_follow_the_scene_that_is_rendered():
+    first = cycles.empty_scene(size=(4, 4), spp=2, osl=False)
+    add_shown_output(first, "Samples")
+    second = first.copy()
+    second.cycles.samples = 5
+    assert shown(second) == pytest.approx([5] * 3, rel=RENDER_TOLERANCE)
+    assert shown(first) == pytest.approx([2] * 3, rel=RENDER_TOLERANCE)
+    first.cycles.samples = 3
+    assert shown(first) == pytest.approx([3] * 3, rel=RENDER_TOLERANCE)
+
+
+def test_cycles_sees_position_kind_and_radius_of_a_light():
+    for output, expected in (("Light 1", (1.5, 2.5, 40.0)), ("Shape 1", (2.0, 0.25, 0.0)), ("Shape 2", (0.0,) * 3)):
+        scene = cycles.empty_scene(size=(4, 4), osl=False)
+        add_shown_output(scene, output)
+        light = bpy.data.lights.new("Lamp", "POINT")
+        light.shadow_soft_size = 0.25
+        lamp = bpy.data.objects.new("Lamp", light)
+        lamp.location = (1.5, 2.5, 40.0)
+        scene.collection.objects.link(lamp)
+        connect_hints(glint_lights.build(), scene, scene_hints(scene)[0])
+        assert shown(scene) == pytest.approx(expected, rel=RENDER_TOLERANCE)
+
+
+def test_cycles_sees_direction_and_half_angle_of_a_sun():
+    for output, expected in (("Light 1", (0.36, 0.48, 0.8)), ("Shape 1", (1.0, 0.01, 0.0))):
+        scene = cycles.empty_scene(size=(4, 4), osl=False)
+        add_shown_output(scene, output)
+        cycles.add_sun(scene, (0.36, 0.48, 0.8), angle=0.02)
+        connect_hints(glint_lights.build(), scene, scene_hints(scene)[0])
+        assert shown(scene) == pytest.approx(expected, rel=RENDER_TOLERANCE)
