@@ -1,9 +1,32 @@
 """Glint: glints from a user's own normal map in Cycles. This file holds registration and the public functions only."""
 
+from importlib import import_module
+
+# Public functions and the modules they come from; loaded at first use, because they need Blender.
+_PUBLIC = {"create_glint_material": "material", "prepare_scene": "prepare"}
+
+__all__ = ["create_glint_material", "prepare_scene", "register", "unregister"]  # noqa: F822  (see __getattr__)
+
+
+def __getattr__(name):
+    if name in _PUBLIC:
+        return getattr(import_module(f".{_PUBLIC[name]}", __package__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 def register():
     """Register the extension with Blender."""
+    from . import cli, operators, ui
+
+    operators.register()
+    ui.register()
+    cli.register()
 
 
 def unregister():
     """Remove everything `register` added."""
+    from . import cli, operators, ui
+
+    cli.unregister()
+    ui.unregister()
+    operators.unregister()

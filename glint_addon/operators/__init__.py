@@ -1,0 +1,31 @@
+"""What the user can do: each operator checks, calls one function of the extension and reports."""
+
+import bpy
+
+from .add_material import GLINT_FH_normal_map, GLINT_OT_add_material
+from .add_node_group import GLINT_OT_add_node_group
+from .prepare import GLINT_OT_prepare
+from .scene_state import GLINT_PG_line, GLINT_PG_scene
+
+classes = (
+    GLINT_PG_line,
+    GLINT_PG_scene,
+    GLINT_OT_add_material,
+    GLINT_OT_prepare,
+    GLINT_OT_add_node_group,
+    GLINT_FH_normal_map,
+)
+
+
+def register():
+    """Register the operators and the scene's `glint` property."""
+    for cls in classes:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.glint = bpy.props.PointerProperty(type=GLINT_PG_scene)
+
+
+def unregister():
+    """Remove what `register` added."""
+    del bpy.types.Scene.glint
+    for cls in reversed(classes):
+        bpy.utils.unregister_class(cls)

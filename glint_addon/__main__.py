@@ -1,0 +1,11 @@
+"""`python -m glint_addon prepare|render|info FILE.blend`, for the pip module bpy."""
+
+import sys
+
+import bpy  # noqa: F401  (first: Blender's other modules are found only after it)
+
+from . import register
+from .cli import main
+
+register()
+sys.exit(main(sys.argv[1:], program="python -m glint_addon"))

@@ -1,0 +1,194 @@
+"""Add a Glint material, made from a normal map, to the active object."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, StringProperty
+
+from ..errors import SceneError
+from .failing_softly import FailsSoftly
+
+HIDDEN = {"HIDDEN", "SKIP_SAVE"}
+
+
+class GLINT_OT_add_material(FailsSoftly, bpy.types.Operator):
+    """Make a glint material from a normal map and put it into the active object's material slot"""
+
+    bl_idname = "glint.add_material"
+    bl_label = "Add Glint Material"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: StringProperty(
+        name="Normal Map File", description="Image file with the normal map", subtype="FILE_PATH", options=HIDDEN
+    )
+    image: StringProperty(
+        name="Normal Map Image", description="Name of the image data-block with the normal map", options=HIDDEN
+    )
+    filter_image: BoolProperty(default=True, options=HIDDEN)
+    filter_folder: BoolProperty(default=True, options=HIDDEN)
+
+    name: StringProperty(name="Name", description="Name of the material; empty takes the map's name", default="")
+    roughness: FloatProperty(
+        name="Roughness",
+        description="Roughness of each facet between the map's texels, as in Glossy BSDF; alpha is its square",
+        default=0.1,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    distribution: EnumProperty(
+        name="Distribution",
+        description="Microfacet distribution around each normal of the map",
+        items=(
+            ("BECKMANN", "Beckmann", "Gaussian slopes: crisp glints without tails"),
+            ("GGX", "GGX", "Long tails: a soft halo around each glint"),
+        ),
+    )
+    interpolation: EnumProperty(
+        name="Interpolation",
+        description="How normals are read between texels",
+        items=(
+            ("LINEAR", "Linear", "Smooth maps: waves, scratches, brushed metal"),
+            ("CLOSEST", "Closest", "One flat facet a texel: metallic flakes, sequins"),
+        ),
+    )
+    convention: EnumProperty(
+        name="Convention",
+        description="Which way the map's green channel points",
+        items=(
+            ("OPENGL", "OpenGL", "Green points up (Y+), as in Blender"),
+            ("DIRECTX", "DirectX", "Green points down (Y-)"),
+        ),
+    )
+    color: FloatVectorProperty(
+        name="Color",
+        description="Colour of the reflection",
+        default=(1.0, 1.0, 1.0),
+        min=0.0,
+        max=1.0,
+        subtype="COLOR",
+    )
+    strength: FloatProperty(
+        name="Strength",
+        description="How much of the map's tilt is used, as in the Normal Map node",
+        default=1.0,
+        min=0.0,
+        max=10.0,
+    )
+    uv_map: StringProperty(
+        name="UV Map", description="UV map that places the normal map; empty takes the one active for rendering"
+    )
+
+    @classmethod
+    def poll(cls, context):
+        target = context.object
+        if target is None:
+            cls.poll_message_set("Select an object to give the material to")
+        elif not hasattr(target.data, "materials"):
+            cls.poll_message_set(f"{target.name} is not an object that takes materials: select a mesh")
+        elif not (target.is_editable and target.data.is_editable):
+            cls.poll_message_set(f"{target.name} is linked from another file: make it local first")
+        else:
+            return True
+        return False
+
+    def invoke(self, context, event):
+        """Run if a normal map is picked or dropped, else ask for a file."""
+        if self.filepath or self.image or context.scene.glint.normal_map:
+            return self.execute(context)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def run(self, context):
+        """Make the material and assign it."""
+        from ..material import create_glint_material
+
+        target = context.object
+        check_uv_map(target, self.uv_map, context)
+        normal_map = self.chosen_map(context)
+        material = create_glint_material(
+            self.name or f"Glint {map_title(normal_map)}",
+            normal_map,
+            roughness=self.roughness,
+            distribution=self.distribution,
+            interpolation=self.interpolation,
+            convention=self.convention,
+            color=tuple(self.color),
+            strength=self.strength,
+            uv_map=self.uv_map,
+        )
+        assign(target, material)
+        # The pick is spent: the next material starts with an empty field.
+        context.scene.glint.normal_map = None
+        self.report({"INFO"}, f'Gave "{material.name}" to {target.name}: press Prepare Glints before rendering')
+        return {"FINISHED"}
+
+    def chosen_map(self, context):
+        """The dropped file's path, the named image, or the image picked in the panel.
+
+        Raises SceneError if there is none.
+        """
+        if self.filepath:
+            return bpy.path.abspath(self.filepath)
+        if self.image:
+            image = bpy.data.images.get(self.image)
+            if image is None:
+                raise SceneError(f'There is no image named "{self.image}" in this file: open it first.')
+            return image
+        image = context.scene.glint.normal_map
+        if image is None:
+            raise SceneError(
+                "No normal map is chosen: pick an image in Material Properties > Glint, or drop one there."
+            )
+        return image
+
+    def draw(self, context):
+        """Settings in the Adjust Last Operation panel."""
+        layout = self.layout
+        layout.use_property_split = True
+        for name in ("name", "roughness", "distribution", "interpolation", "convention", "color", "strength"):
+            layout.prop(self, name)
+        if context.object and context.object.type == "MESH":
+            layout.prop_search(self, "uv_map", context.object.data, "uv_layers")
+
+
+class GLINT_FH_normal_map(bpy.types.FileHandler):
+    """Lets the user drop an image file onto the Material tab of the Properties editor"""
+
+    bl_idname = "GLINT_FH_normal_map"
+    bl_label = "Glint Normal Map"
+    bl_import_operator = "glint.add_material"
+    bl_file_extensions = ".png;.tif;.tiff;.exr;.hdr;.jpg;.jpeg;.webp;.tga;.bmp;.jp2;.dpx"
+
+    @classmethod
+    def poll_drop(cls, context):
+        space = context.space_data
+        return space is not None and space.type == "PROPERTIES" and space.context == "MATERIAL"
+
+
+def check_uv_map(target, uv_map: str, context):
+    """Raise SceneError if the mesh of `target` has no UV map, or none named `uv_map`; modifiers may make it."""
+    if target.type != "MESH":
+        return
+    names = set(target.data.uv_layers.keys())
+    if not names or (uv_map and uv_map not in names):
+        names |= set(target.evaluated_get(context.evaluated_depsgraph_get()).data.uv_layers.keys())
+    if not names:
+        raise SceneError(
+            f'"{target.name}" has no UV map to place the normal map: unwrap it (UV > Unwrap) and try again.'
+        )
+    if uv_map and uv_map not in names:
+        raise SceneError(f'"{target.name}" has no UV map named "{uv_map}": choose one of {", ".join(sorted(names))}.')
+
+
+def map_title(normal_map) -> str:
+    """Name of the map without folder and file ending; `normal_map` is a path or an image."""
+    return Path(normal_map.name if isinstance(normal_map, bpy.types.Image) else normal_map).stem
+
+
+def assign(target, material):
+    """Put `material` into the active slot of `target`, or into a first slot."""
+    if target.material_slots:
+        target.active_material = material
+    else:
+        target.data.materials.append(material)

@@ -1,0 +1,63 @@
+"""Prepare the scene for rendering glints: bake missing tables, find the lights, switch OSL on."""
+
+import bpy
+
+from .failing_softly import FailsSoftly
+from .scene_state import store_report
+
+PROGRESS_STEPS = 1000  # Blender's progress cursor counts in whole numbers
+
+
+class GLINT_OT_prepare(FailsSoftly, bpy.types.Operator):
+    """Bake the tables that are missing, find the lights that make glints and switch Open Shading Language on"""
+
+    bl_idname = "glint.prepare"
+    bl_label = "Prepare Glints"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if not context.scene.is_editable:
+            cls.poll_message_set("This scene is linked from another file: prepare it there")
+        elif not has_glint_groups():
+            cls.poll_message_set("This file has no Glint material yet: add one first")
+        else:
+            return True
+        return False
+
+    def run(self, context):
+        """Prepare the scene, keep the report for the panel, and report it in words."""
+        from ..prepare import prepare_scene
+
+        manager = context.window_manager
+        manager.progress_begin(0, PROGRESS_STEPS)
+        try:
+            report = prepare_scene(
+                context.scene,
+                progress=lambda fraction, _text: manager.progress_update(round(fraction * PROGRESS_STEPS)),
+            )
+        finally:
+            manager.progress_end()
+        store_report(context.scene, report)
+        for sentence in report["warnings"]:
+            self.report({"WARNING"}, sentence)
+        self.report({"INFO"}, summary(report))
+        return {"FINISHED"}
+
+
+def has_glint_groups() -> bool:
+    """Whether a Glint map group is in the file; asked at every redraw, so it looks at node groups only."""
+    return any("glint_image" in group for group in bpy.data.node_groups)
+
+
+def summary(report: dict) -> str:
+    """What `prepare_scene` did, in one sentence."""
+    lights = counted(len(report["hints"]), "light")
+    baked = counted(len(report["baked"]), "table")
+    osl = "OSL on" if report["osl"] else "no OSL"
+    return f"Glint: {lights} found, {baked} baked, {len(report['reused'])} reused, {osl}."
+
+
+def counted(number: int, noun: str) -> str:
+    """ "1 light", "2 lights"."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

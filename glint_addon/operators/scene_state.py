@@ -1,0 +1,51 @@
+"""What the extension keeps on a scene: the map picked for the next material, and what the last preparation found."""
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringProperty
+
+RENDERED_IMAGES = {"RENDER_RESULT", "COMPOSITING"}  # image types that hold no file or pixels of their own
+
+
+class GLINT_PG_line(bpy.types.PropertyGroup):
+    """One line of the report: a light, table or warning (`name`, Blender's own), and what there is to say about it."""
+
+    detail: StringProperty(name="Detail")
+
+
+class GLINT_PG_scene(bpy.types.PropertyGroup):
+    """Glint's part of a scene; the panel's draw functions read it and nothing else."""
+
+    normal_map: PointerProperty(
+        name="Normal Map",
+        description="Tangent-space normal map for the next Glint material",
+        type=bpy.types.Image,
+        poll=lambda _self, image: image.type not in RENDERED_IMAGES,
+    )
+    prepared: BoolProperty(name="Prepared", description="Whether this scene has been prepared for glints")
+    osl: BoolProperty(name="OSL", description="Whether Open Shading Language was on after the last preparation")
+    device: StringProperty(name="Device", description="What Cycles rendered on at the last preparation")
+    hints: CollectionProperty(type=GLINT_PG_line)
+    skipped_lights: CollectionProperty(type=GLINT_PG_line)
+    tables: CollectionProperty(type=GLINT_PG_line)
+    warnings: CollectionProperty(type=GLINT_PG_line)
+
+
+def store_report(scene, report: dict):
+    """Keep what `prepare_scene` returned on `scene`, in place of the last report."""
+    state = scene.glint
+    state.prepared = True
+    state.osl = report["osl"]
+    state.device = report["device"]
+    _fill(state.hints, [(name, "") for name in report["hints"]])
+    _fill(state.skipped_lights, report["skipped_lights"])
+    tables = [(path, "baked") for path in report["baked"]] + [(path, "reused") for path in report["reused"]]
+    _fill(state.tables, tables)
+    _fill(state.warnings, [(sentence, "") for sentence in report["warnings"]])
+
+
+def _fill(lines, pairs):
+    lines.clear()
+    for name, detail in pairs:
+        line = lines.add()
+        line.name = name
+        line.detail = detail

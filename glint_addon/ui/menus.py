@@ -1,0 +1,37 @@
+"""Entries in the Shader Editor's Add menu: BSDF groups under Shader, all others under Texture."""
+
+import bpy
+
+from ..nodes import GROUPS
+
+
+def draw_shaders(menu, context):
+    """Add > Shader."""
+    _draw(menu, [name for name in GROUPS if name.endswith("BSDF")])
+
+
+def draw_textures(menu, context):
+    """Add > Texture."""
+    _draw(menu, [name for name in GROUPS if not name.endswith("BSDF")])
+
+
+def _draw(menu, names):
+    if not names:
+        return
+    menu.layout.separator()
+    for name in names:
+        properties = menu.layout.operator("glint.add_node_group", text=name)
+        properties.group = name
+        properties.use_transform = True
+
+
+def register():
+    """Append the entries."""
+    bpy.types.NODE_MT_category_shader_shader.append(draw_shaders)
+    bpy.types.NODE_MT_category_shader_texture.append(draw_textures)
+
+
+def unregister():
+    """Remove the entries."""
+    bpy.types.NODE_MT_category_shader_texture.remove(draw_textures)
+    bpy.types.NODE_MT_category_shader_shader.remove(draw_shaders)

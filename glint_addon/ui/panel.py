@@ -1,0 +1,124 @@
+"""Properties > Material > Glint. Draw functions read what is stored; they never compute, open files or change data."""
+
+import bpy
+
+from .text import draw_sentence
+
+
+class GlintPanel:
+    """Where the panels are: the Material tab of the Properties editor."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "material"
+
+
+class GLINT_PT_material(GlintPanel, bpy.types.Panel):
+    """Add a Glint material, prepare the scene, see what needs attention"""
+
+    bl_idname = "GLINT_PT_material"
+    bl_label = "Glint"
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None or context.material is not None
+
+    def draw(self, context):
+        from ..material import is_glint_material
+
+        layout = self.layout
+        if context.material is not None and is_glint_material(context.material):
+            draw_maps(layout, context)
+        else:
+            draw_picker(layout, context)
+        layout.operator("glint.prepare", icon="FILE_REFRESH")
+        draw_state(layout, context)
+
+
+class PreparedPanel(GlintPanel):
+    """A part of the report; shown once the scene has been prepared."""
+
+    bl_parent_id = "GLINT_PT_material"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.scene.glint.prepared
+
+
+class GLINT_PT_lights(PreparedPanel, bpy.types.Panel):
+    """Which lights make glints, and why others do not"""
+
+    bl_idname = "GLINT_PT_lights"
+    bl_label = "Lights"
+
+    def draw(self, context):
+        layout, state = self.layout, context.scene.glint
+        if not state.hints:
+            draw_sentence(layout, context, "No light makes glints: add a sun or a small light.", "INFO")
+        for line in state.hints:
+            layout.label(text=line.name, icon="LIGHT")
+        if state.skipped_lights:
+            layout.label(text="Left out (rendered as usual):")
+        for line in state.skipped_lights:
+            draw_sentence(layout, context, f"{line.name}: {line.detail}", "DOT")
+
+
+class GLINT_PT_tables(PreparedPanel, bpy.types.Panel):
+    """The tables that were baked or found"""
+
+    bl_idname = "GLINT_PT_tables"
+    bl_label = "Tables"
+
+    def draw(self, context):
+        layout, state = self.layout, context.scene.glint
+        if not state.tables:
+            layout.label(text="No table is needed")
+        for line in state.tables:
+            layout.label(text=f"{bpy.path.basename(line.name)} ({line.detail})", icon="FILE_CACHE")
+        if state.tables:
+            draw_sentence(layout, context, f"In {bpy.path.native_pathsep(folder_of(state.tables[0].name))}")
+
+
+def draw_picker(layout, context):
+    """Pick a normal map and add the material."""
+    column = layout.column()
+    column.label(text="Normal Map:")
+    column.template_ID(context.scene.glint, "normal_map", open="image.open")
+    column.operator("glint.add_material", icon="MATERIAL")
+
+
+def draw_maps(layout, context):
+    """Say which maps the material uses and how."""
+    from ..material import glint_groups
+
+    for group in glint_groups(context.material):
+        image = group.get("glint_image")
+        column = layout.box().column(align=True)
+        column.label(text=image.name if image else "Normal map is missing", icon="IMAGE_DATA" if image else "ERROR")
+        words = [str(group.get(f"glint_{key}", "")).title() for key in ("distribution", "interpolation")]
+        convention = {"OPENGL": "OpenGL", "DIRECTX": "DirectX"}.get(group.get("glint_convention"), "")
+        column.label(text=", ".join(word for word in (*words, convention) if word), icon="BLANK1")
+        table = group.get("glint_table", "")
+        column.label(
+            text=bpy.path.basename(table) if table else "Not prepared yet", icon="FILE_CACHE" if table else "ERROR"
+        )
+
+
+def draw_state(layout, context):
+    """Engine, OSL and device in words, then the warnings of the last preparation."""
+    scene, state = context.scene, context.scene.glint
+    if scene.render.engine != "CYCLES":
+        draw_sentence(layout, context, "Glints need Cycles: other engines show Blender's own nodes.", "ERROR")
+        return
+    if not state.prepared:
+        draw_sentence(layout, context, "This scene is not prepared: without it glints are as noisy as usual.", "INFO")
+        return
+    layout.label(text=f"OSL {'on' if state.osl else 'off'}, {state.device}", icon="CHECKMARK" if state.osl else "ERROR")
+    for line in state.warnings:
+        draw_sentence(layout, context, line.name, "ERROR")
+
+
+def folder_of(path: str) -> str:
+    """The folder part of a path, as text: draw functions do not touch the disk."""
+    return path[: -len(bpy.path.basename(path))]
