@@ -9,7 +9,10 @@ import pytest
 _HOME = tempfile.TemporaryDirectory(prefix="glint-tests-")
 os.environ["BLENDER_USER_RESOURCES"] = _HOME.name
 
-import bpy  # noqa: E402  (needs the environment above)
+import bpy  # noqa: E402, F401  (needs the environment above, and comes before any other module of Blender)
+
+import glint_addon  # noqa: E402
+from tests.helpers.cycles import empty_scene  # noqa: E402
 
 
 def pytest_unconfigure():
@@ -19,23 +22,19 @@ def pytest_unconfigure():
 
 @pytest.fixture(scope="module", autouse=True)
 def _empty_file_for_each_module():
-    """No data-block, handler or registered class leaks from one test file into the next."""
-    _start_empty()
+    """No data-block leaks from one test file into the next."""
+    empty_scene()
 
 
 @pytest.fixture
 def scene():
-    """The only scene of an empty file: Cycles on the CPU, one sample, seed 0, no denoising, no adaptive sampling."""
-    return _start_empty()
+    """The only scene of an empty file, set up for tiny Cycles renders."""
+    return empty_scene()
 
 
-def _start_empty():
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    scene.render.engine = "CYCLES"
-    scene.cycles.device = "CPU"
-    scene.cycles.samples = 1
-    scene.cycles.seed = 0
-    scene.cycles.use_denoising = False
-    scene.cycles.use_adaptive_sampling = False
-    return scene
+@pytest.fixture
+def registered(scene):
+    """The extension, registered for one test in an empty file."""
+    glint_addon.register()
+    yield
+    glint_addon.unregister()

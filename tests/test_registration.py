@@ -50,14 +50,6 @@ def blender_state() -> dict:
     }
 
 
-@pytest.fixture
-def registered():
-    """The extension, registered for one test."""
-    glint_addon.register()
-    yield
-    glint_addon.unregister()
-
-
 def test_nothing_is_left_after_unregistering():
     before = blender_state()
     glint_addon.register()
