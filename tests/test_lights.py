@@ -215,6 +215,45 @@ def test_a_light_switched_off_by_animation_is_no_light_while_it_is_off(stage):
     assert kinds == [0, KIND_LOCAL, 0]
 
 
+@pytest.mark.parametrize("kind", ["POINT", "SUN", "AREA"])
+def test_a_deleted_light_is_no_light_before_the_scene_is_prepared_again(stage, kind, tmp_path):
+    lamp = add_lamp(stage, "Lamp", kind)
+    group = connected(stage)
+    assert slot_values(group, 1)[1][0] != 0
+    bpy.data.objects.remove(lamp)
+    assert slot_values(group, 1)[1][0] == 0
+    blend = str(tmp_path / "deleted.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=blend)
+    bpy.ops.wm.open_mainfile(filepath=blend, use_scripts=False)
+    assert slot_values(glint_lights.build(), 1)[1][0] == 0
+
+
+@pytest.mark.parametrize("how", ["hide_viewport", "hide_set", "collection"])
+def test_a_light_hidden_in_the_viewport_alone_is_followed(stage, how):
+    lamp = add_lamp(stage, "Lamp")
+    if how == "hide_viewport":
+        lamp.hide_viewport = True
+    elif how == "hide_set":
+        lamp.hide_set(True)
+    else:
+        collection = bpy.data.collections.new("Collection")
+        stage.collection.children.link(collection)
+        collection.objects.link(lamp)
+        stage.collection.objects.unlink(lamp)
+        collection.hide_viewport = True
+    group = connected(stage)
+    lamp.location = (4, 5, 6)
+    assert slot_values(group, 1)[0] == pytest.approx((4, 5, 6))
+
+
+def test_a_light_whose_data_is_exchanged_keeps_its_size_current(stage):
+    lamp = add_lamp(stage, "Lamp", shadow_soft_size=0.5)
+    group = connected(stage)
+    lamp.data = bpy.data.lights.new("Other", "POINT")
+    lamp.data.shadow_soft_size = 0.125
+    assert slot_values(group, 1)[1] == pytest.approx([KIND_LOCAL, 0.125, 0])
+
+
 @pytest.mark.parametrize("count", [0, 1, 8, 9, 100])
 def test_any_number_of_lights_fills_at_most_eight_slots(stage, count):
     for number in range(count):

@@ -80,9 +80,8 @@ def sun_direction(lamp) -> tuple[Driven, Driven, Driven]:
 
 
 def _shape(hint):
-    """Kind and size; the kind falls to none while the light is off, which saves its work and changes no picture."""
-    energy = Variable("energy", "SINGLE_PROP", hint.object.data, "energy")
-    hidden = Variable("hidden", "SINGLE_PROP", hint.object, "hide_render")
+    """Kind and size; the kind falls to none while the light is off or gone: less work, the same picture."""
+    energy, hidden = _property("energy", hint.object, "data.energy"), _property("hidden", hint.object, "hide_render")
     kind = Driven(f"{hint.kind} if energy > 0 and hidden < 1 else 0", (energy, hidden))
     return (kind, _size(hint.object), 0.0)
 
@@ -94,12 +93,12 @@ def _size(lamp) -> Driven:
     """
     light = lamp.data
     if light.type == "SUN":
-        return Driven("angle / 2", (Variable("angle", "SINGLE_PROP", light, "angle"),))
+        return Driven("angle / 2", (_property("angle", lamp, "data.angle"),))
     if light.type != "AREA":
-        return Driven("radius", (Variable("radius", "SINGLE_PROP", light, "shadow_soft_size"),))
+        return Driven("radius", (_property("radius", lamp, "data.shadow_soft_size"),))
     variables = (
-        Variable("width", "SINGLE_PROP", light, "size"),
-        Variable("height", "SINGLE_PROP", light, "size_y"),
+        _property("width", lamp, "data.size"),
+        _property("height", lamp, "data.size_y"),
         _transform("sx", lamp, "SCALE_X"),
         _transform("sy", lamp, "SCALE_Y"),
     )
@@ -109,3 +108,8 @@ def _size(lamp) -> Driven:
 
 def _transform(name, lamp, channel):
     return Variable(name, "TRANSFORMS", lamp, channel)
+
+
+def _property(name, lamp, path):
+    """A property of the object or its light, by way of the object: it reads 0 once the object is deleted."""
+    return Variable(name, "SINGLE_PROP", lamp, path)

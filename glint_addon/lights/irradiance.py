@@ -25,14 +25,13 @@ def irradiance(lamp, low: np.ndarray, high: np.ndarray, energy: float) -> float:
 
     # Take the distance to the nearest point of each box.
     offset = np.clip(position, low, high) - position
-    nearest = max(size.light_size(lamp), NEAREST)
-    distance = np.maximum(np.linalg.norm(offset, axis=1), nearest)
+    distance = np.maximum(np.linalg.norm(offset, axis=1), NEAREST)
 
     if lamp.data.type == "AREA":
-        # A Lambertian emitter that never exceeds what its own surface sends out.
+        # Exact on the axis of a disk; close by it is what the surface itself sends out.
         values = flux / (pi * distance**2 + size.emitter_area(lamp)) * _in_front(position, axis, low, high)
     else:
-        values = flux / (4 * pi * distance**2)
+        values = flux / (4 * pi * np.maximum(distance, size.light_size(lamp)) ** 2)
     if lamp.data.type == "SPOT":
         values = values * _in_cone(position, axis, _cone_half_angle(lamp), low, high)
     return float(values.max(initial=0.0))
