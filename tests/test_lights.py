@@ -419,3 +419,19 @@ def test_a_saved_file_gives_the_same_numbers_and_pictures_without_the_add_on(tmp
         assert found["Samples"] == scene.cycles.samples == frame
         picture = cycles.read_image(tmp_path / f"frame_{frame:04}.exr")
         assert picture[2, 2, :3] == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("persistent", [False, True])
+def test_cycles_sees_a_light_move_from_frame_to_frame(persistent):
+    scene = cycles.empty_scene(size=(4, 4), osl=False)
+    scene.render.use_persistent_data = persistent
+    add_reader(scene)
+    cycles.add_camera(scene, (0, 0, 3), width=1.0)
+    lamp = add_lamp(scene, "Lamp")
+    for frame in (1, 3):
+        lamp.location = (frame, 2 * frame, 3 * frame)
+        lamp.keyframe_insert("location", frame=frame)
+    connected(scene)
+    for frame in (1, 2, 3, 1):
+        scene.frame_set(frame)
+        assert cycles.rendered(scene)[2, 2, :3] == pytest.approx(lamp.matrix_world.translation, rel=1e-5)

@@ -47,18 +47,19 @@ def scene_hints(scene, view_layer=None) -> tuple[list[Hint], list[tuple[str, str
     for layer in layers:
         layer.update()
     rendered = rendered_objects(layers)
-    receivers = glint_objects(rendered)
+    shown = [thing for thing in rendered if not thing.hide_render]
+    receivers = glint_objects(shown)
+    bounds = world_bounds(receivers or [thing for thing in shown if thing.type == "MESH"])
     lamps = sorted((thing for thing in scene.objects if thing.type == "LIGHT"), key=_full_name)
 
-    candidates, skipped = [], _instanced_lights(rendered)
+    candidates, skipped = [], _instanced_lights(shown)
     for lamp in lamps:
         lit = lit_objects(lamp, receivers)
         reason = _reason_to_skip(lamp, lamp in rendered, bool(lit) or not receivers)
         if reason:
             skipped.append((lamp.name, reason))
         else:
-            bounds = world_bounds(lit or [thing for thing in rendered if thing.type == "MESH"])
-            candidates.append(_hint(lamp, bounds))
+            candidates.append(_hint(lamp, bounds if len(lit) == len(receivers) else world_bounds(lit)))
 
     # Keep the strongest, in order of name.
     strongest = set(sorted(candidates, key=lambda hint: (-hint.power, _full_name(hint.object)))[:HINT_COUNT])
@@ -126,7 +127,7 @@ def _instanced_lights(objects) -> list[tuple[str, str]]:
     """Lights that come into the scene inside instanced collections, with the reason why they get no hint."""
     found = []
     for empty in sorted(objects, key=_full_name):
-        if empty.instance_type == "COLLECTION" and empty.instance_collection and not empty.hide_render:
+        if empty.instance_type == "COLLECTION" and empty.instance_collection:
             inside = [thing for thing in empty.instance_collection.all_objects if thing.type == "LIGHT"]
             reason = f'instanced by "{empty.name}": no driver can follow it, left to the remainder'
             found += [(thing.name, reason) for thing in sorted(inside, key=_full_name)]
