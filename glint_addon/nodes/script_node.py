@@ -66,11 +66,13 @@ def add_script_node(group, name: str, label: str = ""):
     """
     if not osl_available():
         return None
+    _let_oslquery_be_imported()
     node = group.nodes.new("ShaderNodeScript")
     node.name = node.label = label or name
     node.mode = "INTERNAL"
-    node.script = shader_text(name)
-    compile_script_node(node)
+    node.script = shader_text(name)  # Cycles compiles the node when its script is set
+    if not node.bytecode:
+        compile_script_node(node)  # again, for the compiler's words
     return node
 
 
@@ -79,7 +81,6 @@ def compile_script_node(node):
 
     Raises ShaderError with the compiler's words if that fails.
     """
-    _let_oslquery_be_imported()
     from cycles import osl
 
     messages = []

@@ -1,0 +1,54 @@
+"""Pixels of a normal map -> checked tangent-space normals, as Blender's Normal Map node reads them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import MapError
+
+LARGEST_SIDE = 32768  # texels; Cycles' own limit for a texture on the CPU is far above, memory is not
+CONVENTIONS = ("OPENGL", "DIRECTX")
+
+
+def decoded_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str = "normal map") -> np.ndarray:
+    """Tangent-space normals n = 2 c - 1 of an encoded map.
+
+    pixels: (height, width, channels >= 3), values 0..1, row 0 at the bottom as in bpy; convention: 'OPENGL' (+Y up)
+    or 'DIRECTX' (green is flipped). Returns float32 (height, width, 3), not normalised: the Normal Map node
+    normalises after interpolation, so must we.
+    Raises MapError for a wrong shape, NaN or infinite pixels, or a normal of length zero.
+    Source: Cycles, node_normal_map.osl.
+    """
+    if convention not in CONVENTIONS:
+        raise MapError(f'Normal map convention "{convention}" is unknown: use one of {", ".join(CONVENTIONS)}.')
+    if pixels.ndim != 3 or pixels.shape[2] < 3 or 0 in pixels.shape:
+        raise MapError(f'Normal map "{name}" has no colour pixels (shape {pixels.shape}): choose an RGB image.')
+    if max(pixels.shape[:2]) > LARGEST_SIDE:
+        raise MapError(f'Normal map "{name}" is larger than {LARGEST_SIDE} texels a side: scale it down.')
+    colors = np.asarray(pixels[..., :3], dtype=np.float32)
+    if not np.isfinite(colors).all():
+        count = int((~np.isfinite(colors).all(axis=2)).sum())
+        raise MapError(f'Normal map "{name}" has {count} pixels that are NaN or infinite: export it again.')
+    normals = 2.0 * (colors - np.float32(0.5))
+    if convention == "DIRECTX":
+        normals[..., 1] *= -1.0
+    lengths = np.einsum("hwc,hwc->hw", normals, normals)
+    if not (lengths > 0.0).all():
+        count = int((lengths <= 0.0).sum())
+        raise MapError(
+            f'Normal map "{name}" has {count} pixels of value (0.5, 0.5, 0.5), which have no direction: '
+            "fill them with (0.5, 0.5, 1)."
+        )
+    return normals
+
+
+def slope_bounds(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest slope (n.x / n.z, n.y / n.z) over the map, as two float32 arrays (2,).
+
+    Slopes of interpolated normals stay inside too, because they are convex combinations. If any normal lies at or
+    below the horizon there is no bound, and the result is (-inf, inf).
+    """
+    if not (normals[..., 2] > 0.0).all():
+        return np.full(2, -np.inf, np.float32), np.full(2, np.inf, np.float32)
+    slopes = normals[..., :2] / normals[..., 2:]
+    return slopes.min(axis=(0, 1)), slopes.max(axis=(0, 1))

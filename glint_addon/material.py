@@ -1,0 +1,97 @@
+"""Materials with glints: create one, recognise one."""
+
+from __future__ import annotations
+
+import bpy
+
+from .errors import MapError
+from .images import image_pixels, normal_map_image
+from .nodes.builder import add_node, arrange
+from .nodes.glint_bsdf import MapBinding, group_for, is_glint_group
+
+
+def create_glint_material(
+    name,
+    normal_map,
+    *,
+    roughness=0.1,
+    distribution="BECKMANN",
+    interpolation="LINEAR",
+    convention="OPENGL",
+    color=(1.0, 1.0, 1.0),
+    strength=1.0,
+    uv_map="",
+) -> bpy.types.Material:
+    """A new material whose glints come from `normal_map`, a path or a bpy.types.Image.
+
+    roughness 0..1 of a single facet (alpha is its square); distribution 'BECKMANN' or 'GGX'; interpolation 'LINEAR' or
+    'CLOSEST'; convention 'OPENGL' (+Y) or 'DIRECTX' (-Y); color linear RGB; strength scales the slopes; uv_map "" is
+    the active render UV map. Colour 1 and strength 1 reproduce Image Texture -> Normal Map -> Glossy BSDF.
+    Raises MapError or ShaderError, and then leaves nothing behind. Call `prepare_scene` before rendering.
+    """
+    for value, what, high in ((roughness, "Roughness", 1.0), (strength, "Strength", 10.0)):
+        if not 0.0 <= value <= high:
+            raise MapError(f"{what} {value} of glint material {name} is out of range: use 0 to {high:g}.")
+    images_before = set(bpy.data.images)
+    material = None
+    try:
+        image = normal_map_image(normal_map)
+        _decoded(image, convention)
+        group = group_for(MapBinding(image, interpolation, convention, distribution, uv_map))
+        material = bpy.data.materials.new(name)
+        _add_surface(material, group, roughness, color, strength, uv_map)
+    except Exception:
+        if material is not None:
+            bpy.data.materials.remove(material)
+        for image in set(bpy.data.images) - images_before:
+            bpy.data.images.remove(image)
+        raise
+    return material
+
+
+def is_glint_material(material) -> bool:
+    """Whether the material's node tree holds a Glint BSDF group with a map."""
+    return bool(glint_groups(material))
+
+
+def glint_groups(material) -> list[bpy.types.ShaderNodeTree]:
+    """The Glint BSDF groups with a map that a material uses, also inside other groups; each once."""
+    found = []
+    seen = set()
+
+    def search(tree):
+        for node in tree.nodes if tree is not None else ():
+            inner = node.node_tree if node.bl_idname == "ShaderNodeGroup" else None
+            if inner is None or inner.name_full in seen:
+                continue
+            seen.add(inner.name_full)
+            if is_glint_group(inner):
+                if inner.get("glint_image") is not None:
+                    found.append(inner)
+            else:
+                search(inner)
+
+    search(material.node_tree if material is not None else None)
+    return found
+
+
+def _decoded(image, convention):
+    """Refuse a map that the bake would refuse, before anything is made."""
+    from .bake.normal_map import decoded_normals
+
+    return decoded_normals(image_pixels(image), convention=convention, name=image.name)
+
+
+def _add_surface(material, group, roughness, color, strength, uv_map):
+    tree = material.node_tree
+    tree.nodes.clear()
+    coordinates = add_node(tree, "ShaderNodeUVMap", uv_map=uv_map)
+    surface = add_node(
+        tree, "ShaderNodeGroup", "Glint BSDF", node_tree=group,
+        inputs={"Roughness": roughness, "Color": (*color[:3], 1.0), "Strength": strength},
+    )
+    surface.width = 200.0
+    output = add_node(tree, "ShaderNodeOutputMaterial")
+    tree.links.new(coordinates.outputs["UV"], surface.inputs["Vector"])
+    tree.links.new(surface.outputs["BSDF"], output.inputs["Surface"])
+    arrange(tree)

@@ -1,0 +1,113 @@
+"""Make a scene ready to render glints: bake what is missing, find the light hints, switch OSL on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from . import paths
+from .bake.normal_map import decoded_normals, slope_bounds
+from .bake.table import bake_table
+from .images import image_pixels, image_stamp
+from .lights.drivers import connect_hints
+from .lights.hints import scene_hints
+from .material import glint_groups
+from .nodes import glint_bsdf, glint_lights
+from .nodes.script_node import osl_available
+
+
+def prepare_scene(scene, progress=None) -> dict:
+    """Prepare every glint material of `scene` for rendering; safe to call again, then nothing is baked twice.
+
+    progress(fraction 0..1, text) is called while tables are baked. Returns what was done and skipped: "hints" (names
+    of the lights whose glints are enumerated), "skipped_lights" ([name, reason]), "baked" and "reused" (table paths),
+    "osl" (whether Cycles can run the lobe), "device", "warnings" (sentences).
+    Raises MapError or TableError; the scene is unchanged then.
+    """
+    progress = progress or (lambda fraction, text: None)
+    groups = scene_glint_groups(scene)
+    report = {"hints": [], "skipped_lights": [], "baked": [], "reused": [], "osl": osl_available(),
+              "device": _device(scene), "warnings": _warnings(scene, groups)}
+    if not groups:
+        return report
+
+    # Bake first: all that can fail happens before the scene is touched.
+    tables = []
+    if report["osl"]:
+        folder = paths.table_folder(bpy.data.filepath)
+        for index, group in enumerate(groups):
+            progress(index / len(groups), f'Baking "{group["glint_image"].name}"')
+            tables.append(_table(group, folder, report))
+
+    for group, table in zip(groups, tables, strict=False):
+        glint_bsdf.refresh(group)
+        glint_bsdf.set_table(group, *table)
+    hints, skipped = scene_hints(scene)
+    connect_hints(glint_lights.build(), scene, hints)
+    report["hints"] = [hint.object.name for hint in hints]
+    report["skipped_lights"] = [list(pair) for pair in skipped]
+    if report["osl"] and hasattr(scene, "cycles") and not scene.cycles.shading_system:
+        scene.cycles.shading_system = True
+    progress(1.0, "Glints are ready")
+    return report
+
+
+def scene_glint_groups(scene) -> list[bpy.types.ShaderNodeTree]:
+    """Glint BSDF groups with a map on objects that `scene` renders; each once, by name."""
+    groups = {}
+    for obj in scene.objects:
+        if obj.hide_render:
+            continue
+        for slot in obj.material_slots:
+            for group in glint_groups(slot.material):
+                groups[group.name_full] = group
+    return [groups[name] for name in sorted(groups)]
+
+
+def _table(group, folder: Path, report: dict):
+    """Bake or find the table of a group; returns the arguments of `glint_bsdf.set_table`."""
+    image = group["glint_image"]
+    stamp = image_stamp(image)
+    known = group.get("glint_source", "")
+    path = Path(group["glint_table"]) if group["glint_table"] else None
+    if stamp and stamp == known and path is not None and path.is_file() and path.parent == folder:
+        # Same file as last time: do not even read its pixels.
+        report["reused"].append(str(path))
+        return str(path), group["glint_size"], group["glint_slope_low"], group["glint_slope_high"]
+    binding = glint_bsdf.group_binding(group)
+    normals = decoded_normals(image_pixels(image), convention=binding.convention, name=image.name)
+    path, written = bake_table(normals, folder, interpolation=binding.interpolation)
+    report["baked" if written else "reused"].append(str(path))
+    low, high = slope_bounds(normals)
+    group["glint_source"] = stamp
+    group["glint_size"] = [normals.shape[1], normals.shape[0]]
+    group["glint_slope_low"] = [float(value) for value in low]
+    group["glint_slope_high"] = [float(value) for value in high]
+    return str(path), group["glint_size"], group["glint_slope_low"], group["glint_slope_high"]
+
+
+def _device(scene) -> str:
+    return scene.cycles.device if hasattr(scene, "cycles") else "CPU"
+
+
+def _warnings(scene, groups) -> list[str]:
+    warnings = []
+    if not osl_available():
+        warnings.append("This Blender has no Open Shading Language: glints are rendered by its own nodes, with noise.")
+    if scene.render.engine != "CYCLES":
+        warnings.append(f"The render engine is {scene.render.engine}: choose Cycles to render glints.")
+    if _device(scene) == "GPU" and not _gpu_has_osl():
+        warnings.append("The GPU backend has no Open Shading Language: choose CPU or OptiX to render glints.")
+    if scene.render.use_simplify and getattr(scene.cycles, "texture_limit_render", "OFF") != "OFF":
+        warnings.append("Simplify limits texture sizes, which garbles the glint tables: set its limit to No Limit.")
+    for group in groups:
+        image = group["glint_image"]
+        if 0 in image.size[:]:
+            warnings.append(f'The normal map "{image.name}" is missing: find it with File > External Data.')
+    return warnings
+
+
+def _gpu_has_osl() -> bool:
+    addon = bpy.context.preferences.addons.get("cycles")
+    return addon is not None and addon.preferences.compute_device_type == "OPTIX"

@@ -1,0 +1,140 @@
+/* Half vectors of the hinted lights: where on the hemisphere of normals the glints are. */
+
+#define HINT_COUNT 8
+#define HINT_SUN 1.0
+#define HINT_LOCAL 2.0
+/* The selected region ends where a Beckmann lobe keeps 0.2 % of its energy outside (exp(-2.5^2)); a GGX lobe has longer
+ * tails. What is left out stays in the remainder, without bias. */
+#define REGION_BECKMANN 2.5
+#define REGION_GGX 4.0
+/* Beyond this radius (slope) a lobe is so wide that the plain material has no glints to lose. */
+#define LARGEST_REGION 0.8
+
+/* Slopes around a half vector: p = (n.t1, n.t2) / (n.h) for a normal n in world space, as three linear forms
+ * on tangent-space normals: p = (n.f1, n.f2) / (n.f3) + offset in texels * (shift_u, shift_v). */
+struct HalfVector {
+  vector h;
+  vector t1;
+  vector t2;
+  vector f1;
+  vector f2;
+  vector f3;
+  /* What a texel further means: its normal turns with the surface and its half vector with the view and the light. */
+  float shift_u1;
+  float shift_v1;
+  float shift_u2;
+  float shift_v2;
+  float radius;
+  /* How far a ball of normals spreads the three forms, relative to its radius. */
+  float ball_growth;
+};
+
+/* Axes and linear forms around hint.h. */
+void slope_axes(NormalFrame frame, output HalfVector hint)
+{
+  hint.t1 = normalize(abs(hint.h[2]) < 0.9 ? vector(-hint.h[1], hint.h[0], 0) : vector(0, -hint.h[2], hint.h[1]));
+  hint.t2 = cross(hint.h, hint.t1);
+  hint.f1 = vector(dot(frame.tangent, hint.t1), dot(frame.bitangent, hint.t1), dot(frame.upright, hint.t1));
+  hint.f2 = vector(dot(frame.tangent, hint.t2), dot(frame.bitangent, hint.t2), dot(frame.upright, hint.t2));
+  hint.f3 = vector(dot(frame.tangent, hint.h), dot(frame.bitangent, hint.h), dot(frame.upright, hint.h));
+}
+
+/* Half vector of one hint at the shading point; returns 0 if no glint of this light can be seen here. */
+int half_vector(vector light, vector shape, float kind_k_alpha, NormalFrame frame, Footprint footprint,
+                vector dpdx, vector dpdy, float view_turn, output HalfVector hint)
+{
+  if (shape[0] == 0.0) {
+    return 0;
+  }
+
+  /* Find the direction to the light, its angular radius, and how fast it turns with the position. */
+  vector l = light;
+  float half_angle = shape[1];
+  float light_turn = 0.0;
+  if (shape[0] == HINT_LOCAL) {
+    l = light - vector(P);
+    float distance = length(l);
+    if (!(distance > 0.0)) {
+      return 0;
+    }
+    l /= distance;
+    half_angle = shape[1] < distance ? asin(shape[1] / distance) : M_PI;
+    light_turn = 1.0 / distance;
+  }
+  vector sum = l + I;
+  float sum_length = length(sum);
+  if (dot(l, Ng) < -sin(min(half_angle, M_PI_2)) || sum_length < 1e-3) {
+    return 0;
+  }
+  hint.h = sum / sum_length;
+
+  /* An angle a between lights is an angle between half vectors of up to a / (2 cos) across the plane of incidence. */
+  hint.radius = kind_k_alpha + half_angle / sum_length;
+  if (!(hint.radius < LARGEST_REGION)) {
+    return 0;
+  }
+
+  slope_axes(frame, hint);
+
+  /* Turn of the frame for the normals that matter, those near h, whose tangent-space normal is about f3; less the
+   * turn of the half vector: d(l + I) = -(across l / its distance) - (across I / its distance). */
+  vector turn_dx = hint.f3[0] * frame.tangent_dx + hint.f3[1] * frame.bitangent_dx + hint.f3[2] * frame.upright_dx;
+  vector turn_dy = hint.f3[0] * frame.tangent_dy + hint.f3[1] * frame.bitangent_dy + hint.f3[2] * frame.upright_dy;
+  turn_dx += (light_turn * (dpdx - dot(dpdx, l) * l) + view_turn * (dpdx - dot(dpdx, I) * I)) / sum_length;
+  turn_dy += (light_turn * (dpdy - dot(dpdy, l) * l) + view_turn * (dpdy - dot(dpdy, I) * I)) / sum_length;
+  float dx1 = dot(turn_dx, hint.t1);
+  float dx2 = dot(turn_dx, hint.t2);
+  float dy1 = dot(turn_dy, hint.t1);
+  float dy2 = dot(turn_dy, hint.t2);
+  hint.ball_growth = max(length(hint.f1), length(hint.f2)) + (hint.radius + 0.1) * length(hint.f3);
+  hint.shift_u1 = dx1 * footprint.xu + dy1 * footprint.yu;
+  hint.shift_v1 = dx1 * footprint.xv + dy1 * footprint.yv;
+  hint.shift_u2 = dx2 * footprint.xu + dy2 * footprint.yu;
+  hint.shift_v2 = dx2 * footprint.xv + dy2 * footprint.yv;
+  return 1;
+}
+
+/* Slope p around the half vector of the tangent-space normal n, at a texel offset; returns 0 behind the horizon. */
+int hint_slope(HalfVector hint, vector n, float offset_u, float offset_v, output float p1, output float p2)
+{
+  float along = dot(n, hint.f3);
+  if (!(along > 0.0)) {
+    return 0;
+  }
+  p1 = dot(n, hint.f1) / along + offset_u * hint.shift_u1 + offset_v * hint.shift_v1;
+  p2 = dot(n, hint.f2) / along + offset_u * hint.shift_u2 + offset_v * hint.shift_v2;
+  return 1;
+}
+
+/* Whether any normal within a ball can lie in the region around h; errs on the side of yes. */
+int hint_reaches_ball(HalfVector hint, vector centre, float ball, float offset_u, float offset_v)
+{
+  float along = dot(centre, hint.f3);
+  float x1 = dot(centre, hint.f1) + along * (offset_u * hint.shift_u1 + offset_v * hint.shift_v1);
+  float x2 = dot(centre, hint.f2) + along * (offset_u * hint.shift_u2 + offset_v * hint.shift_v2);
+  float limit = hint.radius * along + ball * hint.ball_growth;
+  return limit > 0.0 && x1 * x1 + x2 * x2 < limit * limit;
+}
+
+/* Whether any normal whose slope lies between low and high can come within the region around h: the corners of that
+ * box span a convex set around h, whose bounding box is tested. reach: largest shift within the footprint. */
+int map_reaches_hint(HalfVector hint, vector low, vector high, float reach)
+{
+  float low1 = 1e30;
+  float low2 = 1e30;
+  float high1 = -1e30;
+  float high2 = -1e30;
+  for (int corner = 0; corner < 4; ++corner) {
+    vector n = vector(corner % 2 ? high[0] : low[0], corner / 2 ? high[1] : low[1], 1.0);
+    float p1, p2;
+    if (!hint_slope(hint, n, 0, 0, p1, p2)) {
+      return 1;
+    }
+    low1 = min(low1, p1);
+    low2 = min(low2, p2);
+    high1 = max(high1, p1);
+    high2 = max(high2, p2);
+  }
+  float r = hint.radius + reach;
+  return low1 < r && low2 < r && high1 > -r && high2 > -r;
+}

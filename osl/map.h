@@ -1,0 +1,132 @@
+/* The normal map: texels, bilinear patches, and their slopes around a half vector. */
+
+struct Map {
+  string table;
+  int width;
+  int height;
+  int layer_rows;
+  float inverse_padded_width;
+  float inverse_padded_height;
+  float strength;
+  int is_linear;
+};
+
+vector map_normal(Map map, int i, int j)
+{
+  return strengthened(
+      table_texel(map.table, map.inverse_padded_width, map.inverse_padded_height, i, j), map.strength);
+}
+
+/* The bilinear patch between texel (i, j) and its right and upper neighbours. */
+struct Patch {
+  vector n00;
+  vector n10;
+  vector n01;
+  vector n11;
+};
+
+Patch map_patch(Map map, int i, int j)
+{
+  int i1 = i + 1 < map.width ? i + 1 : 0;
+  int j1 = j + 1 < map.height ? j + 1 : 0;
+  Patch patch;
+  patch.n00 = map_normal(map, i, j);
+  patch.n10 = map_normal(map, i1, j);
+  patch.n01 = map_normal(map, i, j1);
+  patch.n11 = map_normal(map, i1, j1);
+  return patch;
+}
+
+/* Normal at (a, b) in 0..1 of the patch, as an Image Texture node interpolates it; not normalised. */
+vector patch_normal(Patch patch, float a, float b)
+{
+  return (1.0 - b) * ((1.0 - a) * patch.n00 + a * patch.n10) + b * ((1.0 - a) * patch.n01 + a * patch.n11);
+}
+
+/* The three forms of hint_slope over a patch: value at (0, 0), change with a, with b, and with a b. Their quotient is the
+ * slope; interpolating slopes instead would lose 0.3 % of the energy of bumps of slope 0.15. */
+struct PatchSlopes {
+  vector origin;
+  vector by_a;
+  vector by_b;
+  vector by_ab;
+};
+
+/* Forms (n.f1, n.f2, n.f3) of a corner at a texel offset, the turn of surface and half vector included. */
+vector slope_forms(HalfVector hint, vector n, float offset_u, float offset_v)
+{
+  float along = dot(n, hint.f3);
+  return vector(dot(n, hint.f1) + along * (offset_u * hint.shift_u1 + offset_v * hint.shift_v1),
+                dot(n, hint.f2) + along * (offset_u * hint.shift_u2 + offset_v * hint.shift_v2), along);
+}
+
+/* offset_u, offset_v: texel offset of the patch's lower left corner. Returns 0 if the patch crosses the half vector's
+ * horizon, or lies beyond one side of the region's square. */
+int patch_slopes(HalfVector hint, Patch patch, float offset_u, float offset_v, output PatchSlopes s)
+{
+  vector c00 = slope_forms(hint, patch.n00, offset_u, offset_v);
+  vector c10 = slope_forms(hint, patch.n10, offset_u + 1.0, offset_v);
+  vector c01 = slope_forms(hint, patch.n01, offset_u, offset_v + 1.0);
+  vector c11 = slope_forms(hint, patch.n11, offset_u + 1.0, offset_v + 1.0);
+  s.origin = c00;
+  s.by_a = c10 - c00;
+  s.by_b = c01 - c00;
+  s.by_ab = c11 - c10 - s.by_b;
+  float r = hint.radius;
+  return min(min(c00[2], c10[2]), min(c01[2], c11[2])) > 0.0 &&
+         min(min(c00[0] - r * c00[2], c10[0] - r * c10[2]), min(c01[0] - r * c01[2], c11[0] - r * c11[2])) < 0.0 &&
+         max(max(c00[0] + r * c00[2], c10[0] + r * c10[2]), max(c01[0] + r * c01[2], c11[0] + r * c11[2])) > 0.0 &&
+         min(min(c00[1] - r * c00[2], c10[1] - r * c10[2]), min(c01[1] - r * c01[2], c11[1] - r * c11[2])) < 0.0 &&
+         max(max(c00[1] + r * c00[2], c10[1] + r * c10[2]), max(c01[1] + r * c01[2], c11[1] + r * c11[2])) > 0.0;
+}
+
+/* Whether the patch's normal at (a, b) lies in the region around the half vector, and its slope there. */
+int patch_slope(HalfVector hint, PatchSlopes s, float a, float b, output float p1, output float p2)
+{
+  vector form = s.origin + a * s.by_a + b * (s.by_b + a * s.by_ab);
+  p1 = form[0] / form[2];
+  p2 = form[1] / form[2];
+  return p1 * p1 + p2 * p2 < hint.radius * hint.radius;
+}
+
+/* Covariance J S J^T of the slopes around (a, b); S is given by two position offsets of one deviation each. */
+void patch_covariance(PatchSlopes s, float a, float b, float first_a, float first_b, float second_a, float second_b,
+                      output float c11, output float c12, output float c22)
+{
+  vector form = s.origin + a * s.by_a + b * (s.by_b + a * s.by_ab);
+  vector by_a = s.by_a + b * s.by_ab;
+  vector by_b = s.by_b + a * s.by_ab;
+  float p1 = form[0] / form[2];
+  float p2 = form[1] / form[2];
+  vector first = (first_a * by_a + first_b * by_b) / form[2];
+  vector second = (second_a * by_a + second_b * by_b) / form[2];
+  float e1 = first[0] - p1 * first[2];
+  float e2 = first[1] - p2 * first[2];
+  float g1 = second[0] - p1 * second[2];
+  float g2 = second[1] - p2 * second[2];
+  c11 = e1 * e1 + g1 * g1;
+  c12 = e1 * e2 + g1 * g2;
+  c22 = e2 * e2 + g2 * g2;
+}
+
+/* A patch is cut until a part spans no more than this many alpha: a uniform spread that narrow, convolved with the lobe
+ * (deviation alpha / sqrt(2)), cannot be told from a Gaussian. */
+#define PART_SPAN 1.5
+#define MOST_PARTS 8
+
+/* Parts of a patch along one side; the arguments are the normals at the ends of its two edges that way. */
+int patch_parts(vector from_a, vector to_a, vector from_b, vector to_b, float alpha)
+{
+  float span = max(length(to_a - from_a), length(to_b - from_b));
+  return clamp((int)ceil(span / (PART_SPAN * alpha)), 1, MOST_PARTS);
+}
+
+int patch_columns(Patch patch, float alpha)
+{
+  return patch_parts(patch.n00, patch.n10, patch.n01, patch.n11, alpha);
+}
+
+int patch_rows(Patch patch, float alpha)
+{
+  return patch_parts(patch.n00, patch.n01, patch.n10, patch.n11, alpha);
+}

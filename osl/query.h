@@ -1,0 +1,227 @@
+/* The glint query: which elements of the map, within the footprint, can reflect a hinted light into the view.
+ *
+ * Direct enumeration, bounded: every texel (Closest) or bilinear patch (Linear) under the footprint is visited while
+ * there are at most LARGEST_VISIT; beyond that a random subset of that size stands for all, so that far views get
+ * noisier, never wrong. One function, glint_query, is all that the shader uses, with its twin hit_is_selected; a faster
+ * structure replaces this file.
+ */
+
+/* Elements visited a sample at most: 4096 cost about 200 us of one core. Fewer leave noise in views of a thousand texels
+ * a pixel that more samples do not make up for (512: error 0.27 instead of 0.12 at 4 samples). */
+#define LARGEST_VISIT 4096
+/* Below this semi-axis (texels) a footprint hardly leaves one element: the sample's own is the answer. */
+#define SINGLE_ELEMENT 0.5
+/* Ellipses thinner than this would slip between the centres of elements: points along them are used instead. */
+#define THIN_FOOTPRINT 1.0
+/* Points a texel of a thin footprint, and the fewest of all. */
+#define POINTS_PER_TEXEL 4.0
+#define FEWEST_POINTS 8
+
+#define MODE_PLAIN 0
+#define MODE_SINGLE 1
+#define MODE_POINTS 2
+#define MODE_ALL 3
+#define MODE_SUBSET 4
+
+/* Additive recurrence with the plastic number: the k-th of a low-discrepancy set of points in the unit square.
+ * Source: Roberts, The Unreasonable Effectiveness of Quasirandom Sequences, 2018. */
+#define PLASTIC_1 0.7548776662466927
+#define PLASTIC_2 0.5698402909980532
+
+/* Deviation of a uniform spread over 0..1: 1 / sqrt(12). */
+#define UNIFORM_DEVIATION 0.28867513
+
+int query_mode(Footprint footprint)
+{
+  if (footprint.long_axis < SINGLE_ELEMENT) {
+    return MODE_SINGLE;
+  }
+  if (footprint.short_axis < THIN_FOOTPRINT) {
+    return MODE_POINTS;
+  }
+  return footprint.area <= LARGEST_VISIT ? MODE_ALL : MODE_SUBSET;
+}
+
+/* Whether the texel normal n at a texel offset is selected by a hint, and its slope there. */
+int texel_slope(HalfVector hint, vector n, float offset_u, float offset_v, output float p1, output float p2)
+{
+  return hint_slope(hint, n, offset_u, offset_v, p1, p2) && p1 * p1 + p2 * p2 < hint.radius * hint.radius;
+}
+
+/* Whether glint_query selects the element at the hit point (u, v) itself, for any hint: then it is not in the remainder.
+ * patch: the hit's own; n: the normal there. Must cut patches exactly as glint_query does. */
+int hit_is_selected(Map map, HalfVector hints[8], int hint_count, float alpha, int mode, Patch patch, float a, float b,
+                    vector n)
+{
+  float part_a = a;
+  float part_b = b;
+  if (map.is_linear && mode != MODE_POINTS) {
+    int columns = patch_columns(patch, alpha);
+    int rows = patch_rows(patch, alpha);
+    part_a = (min(floor(a * columns), columns - 1.0) + 0.5) / columns;
+    part_b = (min(floor(b * rows), rows - 1.0) + 0.5) / rows;
+  }
+  for (int h = 0; h < hint_count; ++h) {
+    float p1, p2;
+    if (map.is_linear) {
+      PatchSlopes slopes;
+      if (patch_slopes(hints[h], patch, -a, -b, slopes) && patch_slope(hints[h], slopes, part_a, part_b, p1, p2)) {
+        return 1;
+      }
+    }
+    else if (texel_slope(hints[h], n, 0, 0, p1, p2)) {
+      return 1;
+    }
+  }
+  return 0;
+}
+
+/* Select what one texel holds. A normal belongs to the first hint in whose region it lies, or it would count twice. */
+void visit_texel(Map map, HalfVector hints[8], int hint_count, int i, int j, float offset_u, float offset_v,
+                 float weight, output Selection s)
+{
+  vector n = map_normal(map, i, j);
+  for (int h = 0; h < hint_count; ++h) {
+    float p1, p2;
+    if (texel_slope(hints[h], n, offset_u, offset_v, p1, p2)) {
+      select_element(s, hints, h, weight, p1, p2, 0, 0, 0);
+      break;
+    }
+  }
+}
+
+/* Select what one patch holds, or in MODE_POINTS its point (a, b), whose share of the footprint has the deviations
+ * (first_a, first_b) and (second_a, second_b). offset: of the patch's lower left corner. */
+void visit_patch(Map map, HalfVector hints[8], int hint_count, float alpha, int mode, int i, int j, float offset_u,
+                 float offset_v, float a, float b, float first_a, float first_b, float second_a, float second_b,
+                 float weight, output Selection s)
+{
+  /* Skip patches that no half vector can reach, by one fetch. */
+  float ball = 0;
+  vector centre = strengthened(patch_bounds(map.table, map.inverse_padded_width, map.inverse_padded_height,
+                                            map.layer_rows, i, j, ball), map.strength);
+  ball *= max(map.strength, 1.0);
+  int reached = 0;
+  for (int h = 0; h < hint_count && !reached; ++h) {
+    reached = hint_reaches_ball(hints[h], centre, ball, offset_u + 0.5, offset_v + 0.5);
+  }
+  if (!reached) {
+    return;
+  }
+
+  Patch patch = map_patch(map, i, j);
+  int columns = mode == MODE_POINTS ? 1 : patch_columns(patch, alpha);
+  int rows = mode == MODE_POINTS ? 1 : patch_rows(patch, alpha);
+  float part_weight = weight / (columns * rows);
+  for (int h = 0; h < hint_count; ++h) {
+    PatchSlopes slopes;
+    if (patch_slopes(hints[h], patch, offset_u, offset_v, slopes)) {
+      for (int part = 0; part < columns * rows; ++part) {
+        float part_a = mode == MODE_POINTS ? a : (part % columns + 0.5) / columns;
+        float part_b = mode == MODE_POINTS ? b : (part / columns + 0.5) / rows;
+        float p1, p2;
+        if (patch_slope(hints[h], slopes, part_a, part_b, p1, p2)) {
+          /* The first hint that has it keeps it. */
+          int taken = 0;
+          for (int g = 0; g < h && !taken; ++g) {
+            PatchSlopes other;
+            float q1, q2;
+            taken = patch_slopes(hints[g], patch, offset_u, offset_v, other) &&
+                    patch_slope(hints[g], other, part_a, part_b, q1, q2);
+          }
+          if (!taken) {
+            float c11, c12, c22;
+            if (mode == MODE_POINTS) {
+              patch_covariance(slopes, a, b, first_a, first_b, second_a, second_b, c11, c12, c22);
+            }
+            else {
+              patch_covariance(slopes, part_a, part_b, UNIFORM_DEVIATION / columns, 0, 0, UNIFORM_DEVIATION / rows,
+                               c11, c12, c22);
+            }
+            select_element(s, hints, h, part_weight, p1, p2, c11, c12, c22);
+          }
+        }
+      }
+    }
+  }
+}
+
+/* Select the elements within the footprint around the texel coordinates (u, v) (for Linear, less half a texel).
+ * shift_1, shift_2: two uniform numbers of this sample. Returns the sum of the kernel's weights over the visited
+ * elements, which the selected weights are relative to. */
+float glint_query(Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, int mode, float u,
+                  float v, float shift_1, float shift_2, output Selection s, output int visited)
+{
+  s.count = 0;
+  s.merged = 0;
+  s.grid = merge_grid(hint_count);
+  visited = 0;
+  float total = 0;
+
+  if (mode == MODE_ALL) {
+    /* Visit the ellipse quu du^2 + 2 quv du dv + qvv dv^2 < 1 row by row. */
+    float determinant = footprint.ux * footprint.vy - footprint.uy * footprint.vx;
+    float ixu = footprint.vy / determinant;
+    float ixv = -footprint.uy / determinant;
+    float iyu = -footprint.vx / determinant;
+    float iyv = footprint.ux / determinant;
+    float quu = ixu * ixu + iyu * iyu;
+    float quv = ixu * ixv + iyu * iyv;
+    float qvv = ixv * ixv + iyv * iyv;
+    float half_height = sqrt(footprint.vx * footprint.vx + footprint.vy * footprint.vy);
+    int last_row = (int)floor(v + half_height - 0.5);
+    for (int row = (int)ceil(v - half_height - 0.5); row <= last_row; ++row) {
+      float dv = row + 0.5 - v;
+      float root = max(quv * quv * dv * dv - quu * (qvv * dv * dv - 1.0), 0.0);
+      float middle = u - quv / quu * dv - 0.5;
+      int last_column = (int)floor(middle + sqrt(root) / quu);
+      int column = (int)ceil(middle - sqrt(root) / quu);
+      int i = wrapped(column, map.width);
+      int j = wrapped(row, map.height);
+      for (; column <= last_column; ++column) {
+        float du = column + 0.5 - u;
+        float weight = footprint_kernel(quu * du * du + 2.0 * quv * du * dv + qvv * dv * dv);
+        total += weight;
+        visited += 1;
+        if (map.is_linear) {
+          visit_patch(map, hints, hint_count, alpha, MODE_ALL, i, j, du - 0.5, dv - 0.5, 0, 0, 0, 0, 0, 0, weight, s);
+        }
+        else {
+          visit_texel(map, hints, hint_count, i, j, du, dv, weight, s);
+        }
+        i = i + 1 < map.width ? i + 1 : 0;
+      }
+    }
+  }
+  else {
+    /* Visit points drawn from the kernel. */
+    int points = LARGEST_VISIT;
+    if (mode == MODE_POINTS) {
+      float wanted = POINTS_PER_TEXEL * 2.0 * footprint.long_axis * max(2.0 * footprint.short_axis, 1.0);
+      points = clamp((int)ceil(min(wanted, LARGEST_VISIT)), FEWEST_POINTS, LARGEST_VISIT);
+    }
+    float share = sqrt(KERNEL_VARIANCE / points);
+    for (int k = 0; k < points; ++k) {
+      float x, y;
+      float first = shift_1 + k * PLASTIC_1;
+      float second = shift_2 + k * PLASTIC_2;
+      footprint_sample(first - floor(first), second - floor(second), x, y);
+      float point_u = u + footprint.ux * x + footprint.uy * y;
+      float point_v = v + footprint.vx * x + footprint.vy * y;
+      float column = floor(point_u);
+      float row = floor(point_v);
+      int i = wrapped((int)column, map.width);
+      int j = wrapped((int)row, map.height);
+      total += 1.0;
+      visited += 1;
+      if (map.is_linear) {
+        visit_patch(map, hints, hint_count, alpha, mode, i, j, column - u, row - v, point_u - column, point_v - row,
+                    share * footprint.ux, share * footprint.vx, share * footprint.uy, share * footprint.vy, 1.0, s);
+      }
+      else {
+        visit_texel(map, hints, hint_count, i, j, column + 0.5 - u, row + 0.5 - v, 1.0, s);
+      }
+    }
+  }
+  return total;
+}

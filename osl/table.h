@@ -1,0 +1,46 @@
+/* The glint table: a normal map as one float texture. Layout: glint_addon/bake/table.py, which writes it. */
+
+#define TABLE_MAGIC 7919.0
+
+/* Exact value of texel (i, j) of the padded texture; Cycles interpolates, but not at a texel's centre. */
+color table_texel(string table, float inverse_padded_width, float inverse_padded_height, int i, int j)
+{
+  return texture(table, (i + 0.5) * inverse_padded_width, (j + 0.5) * inverse_padded_height, 0, 0, 0, 0);
+}
+
+/* Bounds of the bilinear patch at texel (i, j), from the layer above: centre, and as radius the distance of the farthest
+ * corner. inverse_padded_height is that of the whole texture, layer_rows of one layer. */
+color patch_bounds(string table, float inverse_padded_width, float inverse_padded_height, int layer_rows, int i, int j,
+                   output float radius)
+{
+  return texture(table, (i + 0.5) * inverse_padded_width, (j + layer_rows + 0.5) * inverse_padded_height, 0, 0, 0, 0,
+                 "alpha", radius);
+}
+
+/* Whether the table is there, whole and not shrunk (Blender's Simplify shrinks data textures without a word). */
+int table_is_intact(string table, float inverse_padded_width, float inverse_padded_height)
+{
+  float magic = 0;
+  color texel = texture(
+      table, 0.5 * inverse_padded_width, 0.5 * inverse_padded_height, 0, 0, 0, 0, "alpha", magic);
+  return magic == TABLE_MAGIC && texel[0] == texel[0];
+}
+
+/* Smallest power of two that is at least size: the side of the padded texture. */
+float padded_size(float size)
+{
+  return exp2(ceil(log2(max(size, 1.0)) - 1e-6));
+}
+
+/* i modulo size, in 0..size-1 for negative i too. */
+int wrapped(int i, int size)
+{
+  int r = i % size;
+  return r < 0 ? r + size : r;
+}
+
+/* Normal Map node's Strength on a decoded tangent-space normal. Source: Cycles, node_normal_map.osl. */
+vector strengthened(color n, float strength)
+{
+  return vector(n[0] * strength, n[1] * strength, mix(1.0, n[2], clamp(strength, 0.0, 1.0)));
+}
