@@ -1,6 +1,7 @@
 /* Half vectors of the hinted lights: where on the hemisphere of normals the glints are. */
 
 #define HINT_COUNT 8
+#define HINT_NONE 0.0
 #define HINT_SUN 1.0
 #define HINT_LOCAL 2.0
 /* The selected region ends where a Beckmann lobe keeps 0.2 % of its energy outside (exp(-2.5^2)); a GGX lobe has longer
@@ -43,7 +44,7 @@ void slope_axes(NormalFrame frame, output HalfVector hint)
 int half_vector(vector light, vector shape, float kind_k_alpha, NormalFrame frame, Footprint footprint,
                 vector dpdx, vector dpdy, float view_turn, output HalfVector hint)
 {
-  if (shape[0] == 0.0) {
+  if (shape[0] == HINT_NONE) {
     return 0;
   }
 

@@ -1,0 +1,143 @@
+/* The glint lobe of one shading point: elements near the hinted lights' half vectors, and the remainder. */
+
+/* What the map shows at the hit point. */
+struct Hit {
+  float u;       /* texel coordinates; for Linear less half a texel, so that patches start at whole numbers */
+  float v;
+  float i;       /* whole part: the texel or patch */
+  float j;
+  vector n;      /* tangent-space normal, not normalised */
+  Patch patch;   /* Linear only */
+};
+
+/* Look up the map at UV coordinates. Coordinates are taken within one repeat first: far UVs must not lose precision. */
+Hit map_hit(Map map, point uv)
+{
+  Hit hit;
+  hit.u = (uv[0] - floor(uv[0])) * map.width - (map.is_linear ? 0.5 : 0.0);
+  hit.v = (uv[1] - floor(uv[1])) * map.height - (map.is_linear ? 0.5 : 0.0);
+  hit.i = floor(hit.u);
+  hit.j = floor(hit.v);
+  int i = wrapped((int)hit.i, map.width);
+  int j = wrapped((int)hit.j, map.height);
+  if (map.is_linear) {
+    hit.patch = map_patch(map, i, j);
+    hit.n = patch_normal(hit.patch, hit.u - hit.i, hit.v - hit.j);
+  }
+  else {
+    hit.n = map_normal(map, i, j);
+  }
+  return hit;
+}
+
+/* One patch under a footprint smaller than a texel: its slopes vary linearly there, so one closure is enough. */
+closure color patch_closure(string distribution, float alpha, Map map, Hit hit, NormalFrame frame, Footprint footprint,
+                            HalfVector hint)
+{
+  HalfVector own = hint;
+  own.h = normalize(frame_to_world(frame, hit.n));
+  slope_axes(frame, own);
+  PatchSlopes slopes;
+  patch_slopes(own, hit.patch, hit.i - hit.u, hit.j - hit.v, slopes);
+  float c11, c12, c22;
+  float deviation = sqrt(KERNEL_VARIANCE);
+  patch_covariance(slopes, hit.u - hit.i, hit.v - hit.j, deviation * footprint.ux, deviation * footprint.vx,
+                   deviation * footprint.uy, deviation * footprint.vy, c11, c12, c22);
+  return glint_closure(distribution, own, alpha, 0, 0, c11, c12, c22);
+}
+
+/* Sum of the closures of a selection; total is what its weights are relative to. */
+closure color selection_closures(string distribution, float alpha, HalfVector hints[8], int hint_count, Selection s,
+                                 float total, float seed_1, float seed_2, closure color remainder, output int closures)
+{
+  closure color sum = remainder;
+  int slots = s.merged ? s.grid * s.grid * hint_count : s.count;
+  for (int k = 0; k < slots; ++k) {
+    float weight = s.merged ? s.cell_weight[k] : s.weight[k];
+    float w = total > 0.0 ? weight / total : 0.0;
+    if (w > 0.0 && w < LEAST_WEIGHT) {
+      w = (float)hashnoise(point(seed_1, seed_2, k)) * LEAST_WEIGHT < w ? LEAST_WEIGHT : 0.0;
+    }
+    if (w > 0.0) {
+      int hint = s.merged ? k / (s.grid * s.grid) : s.hint[k];
+      float p1 = s.p1[k];
+      float p2 = s.p2[k];
+      float c11 = s.c11[k];
+      float c12 = s.c12[k];
+      float c22 = s.c22[k];
+      if (s.merged) {
+        p1 = s.cell_p1[k] / weight;
+        p2 = s.cell_p2[k] / weight;
+        c11 = max(s.cell_c11[k] / weight - p1 * p1, 0.0);
+        c12 = s.cell_c12[k] / weight - p1 * p2;
+        c22 = max(s.cell_c22[k] / weight - p2 * p2, 0.0);
+      }
+      /* In this order: Cycles flattens sum + x only 16 deep and drops the rest. */
+      sum = w * glint_closure(distribution, hints[hint], alpha, p1, p2, c11, c12, c22) + sum;
+      closures += 1;
+    }
+  }
+  return sum;
+}
+
+/* The lobe for colour 1. plain: the closure of the hit's own normal, which is the whole answer where no hinted light can
+ * glint. lights, shapes: see light_hint.h; low, high: slope bounds of the map, none where they are equal. */
+closure color glint_lobe(string distribution, float alpha, Map map, vector low, vector high, NormalFrame frame, Hit hit,
+                         vector lights[8], vector shapes[8], float samples, float du_dx, float du_dy, float dv_dx,
+                         float dv_dy, closure color plain, output color counters)
+{
+  vector dpdx = Dx(P);
+  vector dpdy = Dy(P);
+  Footprint footprint;
+  if (!ray_footprint(dpdx, dpdy, I, Ng, footprint_radius(samples), du_dx, du_dy, dv_dx, dv_dy, footprint)) {
+    return plain;
+  }
+  int mode = query_mode(footprint);
+  if (mode == MODE_SINGLE && !map.is_linear) {
+    return plain;
+  }
+
+  /* Keep the hints that the map can answer here. */
+  HalfVector hints[8];
+  int hint_count = 0;
+  float view_turn = length(Dx(I)) / length(dpdx);
+  float region = alpha * (distribution == "ggx" ? REGION_GGX : REGION_BECKMANN);
+  float extent_u = sqrt(footprint.ux * footprint.ux + footprint.uy * footprint.uy) + 1.0;
+  float extent_v = sqrt(footprint.vx * footprint.vx + footprint.vy * footprint.vy) + 1.0;
+  int bounded = high[0] > low[0] || high[1] > low[1];
+  for (int k = 0; k < HINT_COUNT; ++k) {
+    HalfVector hint;
+    if (half_vector(lights[k], shapes[k], region, frame, footprint, dpdx, dpdy, view_turn, hint)) {
+      float reach = max(abs(hint.shift_u1), abs(hint.shift_u2)) * extent_u +
+                    max(abs(hint.shift_v1), abs(hint.shift_v2)) * extent_v;
+      if (!bounded || map_reaches_hint(hint, low * map.strength, high * map.strength, reach)) {
+        hints[hint_count] = hint;
+        hint_count += 1;
+      }
+    }
+  }
+  if (hint_count == 0) {
+    return plain;
+  }
+  if (mode == MODE_SINGLE) {
+    counters = color(1, 1, mode);
+    return patch_closure(distribution, alpha, map, hit, frame, footprint, hints[0]);
+  }
+
+  Selection s;
+  int visited;
+  vector shift = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
+  float total = glint_query(map, hints, hint_count, alpha, footprint, mode, hit.u, hit.v, shift[0], shift[1], s, visited);
+
+  /* The remainder is the sample's own normal, unless the query has it. */
+  closure color remainder = 0;
+  int closures = 0;
+  if (!hit_is_selected(map, hints, hint_count, alpha, mode, hit.patch, hit.u - hit.i, hit.v - hit.j, hit.n)) {
+    remainder = plain;
+    closures = 1;
+  }
+  closure color sum = selection_closures(
+      distribution, alpha, hints, hint_count, s, total, hit.u, hit.v, remainder, closures);
+  counters = color(visited, closures, mode);
+  return sum;
+}
