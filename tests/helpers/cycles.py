@@ -145,6 +145,7 @@ def add_sphere(scene, radius=1.0, *, material=None, segments=64, rings=32) -> bp
 
     mesh = bpy.data.meshes.new("Sphere")
     shape = bmesh.new()
+    shape.loops.layers.uv.new("UVMap")  # calc_uvs fills a layer, it makes none
     bmesh.ops.create_uvsphere(shape, u_segments=segments, v_segments=rings, radius=radius, calc_uvs=True)
     shape.to_mesh(mesh)
     shape.free()
