@@ -1,0 +1,77 @@
+"""Numpy twin of osl/footprint.h: float64, one row for each footprint. Vectors are (n, 3), the rest (n,)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+FOOTPRINT_SCALE = 1.1
+FOOTPRINT_EXPONENT = 0.21
+LEAST_COSINE = 1e-4
+KERNEL_VARIANCE = 0.125
+
+
+@dataclass
+class Footprint:
+    """Texel offset of kernel coordinates (x, y) in the unit disk is (ux x + uy y, vx x + vy y); the rest as in OSL."""
+
+    ux: np.ndarray
+    uy: np.ndarray
+    vx: np.ndarray
+    vy: np.ndarray
+    xu: np.ndarray
+    xv: np.ndarray
+    yu: np.ndarray
+    yv: np.ndarray
+    area: np.ndarray
+    long_axis: np.ndarray
+    short_axis: np.ndarray
+
+
+FIELDS = tuple(Footprint.__dataclass_fields__)
+
+
+def footprint_radius(samples):
+    """Radius in pixels that one of `samples` samples covers."""
+    return FOOTPRINT_SCALE * np.maximum(samples, 1.0) ** -FOOTPRINT_EXPONENT
+
+
+def ray_footprint(dpdx, dpdy, view, geometric_normal, radius, du_dx, du_dy, dv_dx, dv_dy):
+    """Validity (n,) bool and Footprint of a ray cone; computed by matrices, where OSL has the closed form.
+
+    dpdx, dpdy: orthogonal vectors of the cone's radius on the surface; du_dx ...: texels per dpdx, dpdy.
+    """
+    cone = np.linalg.norm(dpdx, axis=-1)
+    jacobian = np.stack([np.stack([du_dx, du_dy], -1), np.stack([dv_dx, dv_dy], -1)], -2).astype(float)
+    valid = (cone > 0) & (np.linalg.det(jacobian) != 0)
+    jacobian[~valid] = np.eye(2)
+    cone = np.where(valid, cone, 1.0)
+
+    # Stretch by the square root of 1 + q q^T, through its eigenvectors.
+    cosine = np.maximum(np.abs(np.einsum("nk,nk->n", view, geometric_normal)), LEAST_COSINE)
+    q = np.stack([np.einsum("nk,nk->n", view, dpdx), np.einsum("nk,nk->n", view, dpdy)], -1) / (cone * cosine)[:, None]
+    values, vectors = np.linalg.eigh(np.eye(2) + q[:, :, None] * q[:, None, :])
+    stretch = np.einsum("nij,nj,nkj->nik", vectors, np.sqrt(values), vectors)
+    axes = jacobian @ stretch * np.broadcast_to(radius, cone.shape)[:, None, None]
+
+    inverse = np.linalg.inv(jacobian)
+    singular = np.linalg.svd(axes, compute_uv=False)
+    area = np.pi * singular[:, 0] * singular[:, 1]
+    valid = valid & (singular[:, 0] < 1e9) & (area > 0)
+    return valid, Footprint(
+        axes[:, 0, 0], axes[:, 0, 1], axes[:, 1, 0], axes[:, 1, 1],
+        inverse[:, 0, 0], inverse[:, 0, 1], inverse[:, 1, 0], inverse[:, 1, 1],
+        area, singular[:, 0], singular[:, 1],
+    )
+
+
+def footprint_kernel(t):
+    """Kernel over the unit disk, t = x^2 + y^2."""
+    return np.where(t < 1.0, (1.0 - t) ** 2, 0.0)
+
+
+def footprint_sample(a, b):
+    """Points (x, y) of the unit disk distributed as the kernel; a, b uniform in 0..1."""
+    r = np.sqrt(np.maximum(1.0 - np.cbrt(1.0 - np.asarray(a, float)), 0.0))
+    return r * np.cos(2 * np.pi * b), r * np.sin(2 * np.pi * b)

@@ -1,0 +1,129 @@
+"""Numpy twin of osl/light_hint.h: float64, one row for each hint. Vectors are (n, 3), the rest (n,)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+HINT_SUN = 1.0
+HINT_LOCAL = 2.0
+LARGEST_REGION = 0.8
+
+
+@dataclass
+class NormalFrame:
+    """World vectors of a tangent-space normal's x, y and z, (n, 3), and their change per dpdx and dpdy."""
+
+    tangent: np.ndarray
+    bitangent: np.ndarray
+    upright: np.ndarray
+    tangent_dx: np.ndarray
+    tangent_dy: np.ndarray
+    bitangent_dx: np.ndarray
+    bitangent_dy: np.ndarray
+    upright_dx: np.ndarray
+    upright_dy: np.ndarray
+
+
+@dataclass
+class HalfVector:
+    """Slopes around a half vector, as in OSL; `forms` stacks f1, f2, f3: (n, 3, 3); `shift` is (n, slope, texel)."""
+
+    h: np.ndarray
+    axes: np.ndarray
+    forms: np.ndarray
+    shift: np.ndarray
+    radius: np.ndarray
+    ball_growth: np.ndarray
+
+
+def _dot(a, b):
+    return np.einsum("...k,...k->...", a, b)
+
+
+def _unit(a):
+    return a / np.linalg.norm(a, axis=-1, keepdims=True)
+
+
+def slope_axes(frame, h):
+    """Axes (n, 2, 3) across h and the three linear forms (n, 3, 3) on tangent-space normals."""
+    x, y, z = np.moveaxis(h, -1, 0)
+    zero = np.zeros_like(x)
+    first = _unit(np.where(np.abs(z)[:, None] < 0.9, np.stack([-y, x, zero], -1), np.stack([zero, -z, y], -1)))
+    axes = np.stack([first, np.cross(h, first)], axis=1)
+    basis = np.stack([frame.tangent, frame.bitangent, frame.upright], axis=1)
+    return axes, np.einsum("nbk,nfk->nfb", basis, np.concatenate([axes, h[:, None]], axis=1))
+
+
+def half_vector(light, shape, kind_k_alpha, frame, footprint, dpdx, dpdy, view_turn, position, view, geometric_normal):
+    """Validity (n,) bool and HalfVector of each hint; position, view and geometric_normal are OSL's P, I and Ng."""
+    light, view = np.asarray(light, float), np.asarray(view, float)
+    is_local = shape[:, 0] == HINT_LOCAL
+    offset = light - position
+    distance = np.where(is_local, np.linalg.norm(offset, axis=-1), 1.0)
+    valid = (shape[:, 0] != 0) & (distance > 0)
+    distance = np.where(distance > 0, distance, 1.0)
+    direction = np.where(is_local[:, None], offset / distance[:, None], light)
+    local_angle = np.where(shape[:, 1] < distance, np.arcsin(np.minimum(shape[:, 1] / distance, 1.0)), np.pi)
+    half_angle = np.where(is_local, local_angle, shape[:, 1])
+    light_turn = np.where(is_local, 1.0 / distance, 0.0)
+
+    total = direction + view
+    length = np.linalg.norm(total, axis=-1)
+    valid &= (_dot(direction, geometric_normal) >= -np.sin(np.minimum(half_angle, np.pi / 2))) & (length >= 1e-3)
+    length = np.where(length > 0, length, 1.0)
+    h = total / length[:, None]
+    radius = kind_k_alpha + half_angle / length
+    valid &= radius < LARGEST_REGION
+
+    axes, forms = slope_axes(frame, h)
+    turns = []
+    for step, change in (
+        (dpdx, (frame.tangent_dx, frame.bitangent_dx, frame.upright_dx)),
+        (dpdy, (frame.tangent_dy, frame.bitangent_dy, frame.upright_dy)),
+    ):
+        turn = sum(forms[:, 2, k, None] * change[k] for k in range(3))
+        across_light = step - _dot(step, direction)[:, None] * direction
+        across_view = step - _dot(step, view)[:, None] * view
+        half_turn = light_turn[:, None] * across_light + np.asarray(view_turn)[:, None] * across_view
+        turns.append(np.einsum("nak,nk->na", axes, turn + half_turn / length[:, None]))
+    turn = np.stack(turns, axis=-1)  # (n, slope, step)
+    to_steps = np.stack([np.stack([footprint.xu, footprint.xv], -1), np.stack([footprint.yu, footprint.yv], -1)], -2)
+    norms = np.linalg.norm(forms, axis=-1)
+    growth = np.maximum(norms[:, 0], norms[:, 1]) + (radius + 0.1) * norms[:, 2]
+    return valid, HalfVector(h, axes, forms, turn @ to_steps, radius, growth)
+
+
+def hint_slope(hint, n, offset_u, offset_v):
+    """Validity and slopes (n, 2) around the half vector of tangent-space normals `n` at texel offsets."""
+    values = np.einsum("nfk,nk->nf", hint.forms, n)
+    valid = values[:, 2] > 0
+    along = np.where(valid, values[:, 2], 1.0)
+    offset = np.stack(np.broadcast_arrays(offset_u, offset_v, along)[:2], axis=-1)
+    return valid, values[:, :2] / along[:, None] + np.einsum("nst,nt->ns", hint.shift, offset)
+
+
+def hint_reaches_ball(hint, centre, ball, offset_u, offset_v):
+    """Whether any normal within a ball can lie in the region around h, and by how much (positive: it can)."""
+    values = np.einsum("nfk,nk->nf", hint.forms, centre)
+    along = values[:, 2]
+    offset = np.stack(np.broadcast_arrays(offset_u, offset_v, along)[:2], axis=-1)
+    x = values[:, :2] + along[:, None] * np.einsum("nst,nt->ns", hint.shift, offset)
+    limit = hint.radius * along + ball * hint.ball_growth
+    margin = np.minimum(limit, limit - np.linalg.norm(x, axis=-1))
+    return margin > 0, margin
+
+
+def map_reaches_hint(hint, low, high, reach):
+    """Whether any normal with slopes between low and high, (n, 2) each, can come within the region around h."""
+    slopes, behind = [], np.zeros(len(hint.radius), bool)
+    for corner in range(4):
+        n = np.stack([(high if corner % 2 else low)[:, 0], (high if corner // 2 else low)[:, 1], np.ones(len(low))], -1)
+        valid, p = hint_slope(hint, n, 0.0, 0.0)
+        behind |= ~valid
+        slopes.append(p)
+    r = (hint.radius + reach)[:, None]
+    lowest, highest = np.min(slopes, axis=0), np.max(slopes, axis=0)
+    margin = np.minimum(r - lowest, r + highest).min(axis=-1)
+    return behind | (margin > 0), np.where(behind, np.inf, margin)

@@ -1,0 +1,33 @@
+"""Numpy twin of osl/table.h. Arrays of any equal shape; normals (..., 3)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def padded_size(size):
+    """Smallest power of two that is at least `size` texels."""
+    return 2.0 ** np.ceil(np.log2(np.maximum(size, 1.0)))
+
+
+def wrapped(i, size):
+    """`i` modulo `size`, in 0..size-1 for negative i too."""
+    return np.mod(i, size)
+
+
+def strengthened(n, strength):
+    """The Normal Map node's Strength on decoded tangent-space normals (..., 3). Source: Cycles, node_normal_map.osl."""
+    n = np.asarray(n, float)
+    share = np.clip(strength, 0.0, 1.0)
+    return np.stack([n[..., 0] * strength, n[..., 1] * strength, 1.0 + (n[..., 2] - 1.0) * share], axis=-1)
+
+
+def table_texel(table, i, j):
+    """RGB of texel (i, j) of a table's padded pixels (height, width, 4), row 0 at the bottom."""
+    return table[j, i, :3]
+
+
+def patch_bounds(table, layer_rows, i, j):
+    """Centre (..., 3) and radius of the bilinear patch at texel (i, j)."""
+    texel = table[j + layer_rows, i]
+    return texel[..., :3], texel[..., 3]

@@ -1,0 +1,433 @@
+"""Each function of osl/*.h against its numpy twin in tests/reference, on a thousand random inputs in one render.
+
+OSL computes in float32 from the very inputs the twin gets, so what may differ is rounding, and OSL's fast elementary
+functions. A yes or no is compared where the twin's own margin is larger than that.
+"""
+
+import numpy as np
+
+from glint_addon.bake import table as bake
+from tests.helpers.osl_functions import ROWS, evaluate
+from tests.reference import footprint, light_hint, selection, table
+from tests.reference import map as normal_map
+
+EPSILON = 2.0**-23  # float32 rounding of one operation
+ROUNDING = 64 * EPSILON  # of some thirty operations on numbers of equal size, some of which cancel partly
+FAST_MATH = 2e-5  # OSL's pow and sincos: a few float32 roundings of their argument's own size
+FAST_ASIN = 1e-4  # OSL's asin: documented to be exact to 5e-5 radians
+MARGIN = 1e-4  # of a condition, relative to the numbers compared: rounding must not decide it
+
+HINT_HEADERS = ("normal_frame.h", "footprint.h", "light_hint.h")
+MAP_HEADERS = ("table.h", *HINT_HEADERS, "map.h")
+
+
+def read(values, sizes):
+    """Columns of `values` cut into pieces: (n,) for size 1, else (n, size)."""
+    pieces, start = [], 0
+    for size in sizes:
+        pieces.append(values[:, start] if size == 1 else values[:, start : start + size])
+        start += size
+    return pieces
+
+
+def packed(*arrays):
+    """float32 columns of (n,) and (n, k) arrays, and the arrays as float64 after that rounding."""
+    columns = [np.asarray(array, np.float32).reshape(len(array), -1) for array in arrays]
+    rounded = [column.astype(float).reshape(np.shape(array)) for column, array in zip(columns, arrays, strict=True)]
+    return np.concatenate(columns, axis=1), rounded
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def assert_flags_agree(osl, twin, margin):
+    """Yes or no is the same where the twin's margin leaves no doubt: nearly everywhere; and both answers occur."""
+    clear = np.abs(margin) > MARGIN
+    assert clear.mean() > 0.98
+    assert 0.03 < twin.mean() < 0.99, "the inputs do not exercise both answers"
+    np.testing.assert_array_equal(osl[clear] != 0, twin[clear])
+
+
+# --- table.h ---
+
+
+def test_padded_size_is_that_of_the_bake_for_every_size_to_8192():
+    sizes = np.arange(1, 8193).reshape(ROWS, 8)
+    osl = evaluate(("table.h",), "for (int k = 0; k < 8; ++k) out[k] = padded_size(in[k]);", sizes, 8)
+    expected = np.array([[bake.padded_size(int(size)) for size in row] for row in sizes])
+    np.testing.assert_array_equal(osl, expected)
+    np.testing.assert_array_equal(table.padded_size(sizes), expected)
+
+
+def test_wrapped_is_the_modulo_of_negative_integers_too():
+    rng = np.random.default_rng(1)
+    i = np.concatenate([rng.integers(-(2**22), 2**22, ROWS - 12), np.arange(-6, 6)])
+    size = np.concatenate([rng.integers(1, 5000, ROWS - 12), np.full(12, 3)])
+    osl = evaluate(("table.h",), "out[0] = wrapped((int)in[0], (int)in[1]);", np.stack([i, size], 1), 1)
+    np.testing.assert_array_equal(osl[:, 0], table.wrapped(i, size))
+
+
+def test_strength_scales_slopes_as_in_the_normal_map_node():
+    rng = np.random.default_rng(2)
+    inputs, (n, strength) = packed(rng.uniform(-1, 1, (ROWS, 3)), rng.uniform(0, 3, ROWS))
+    osl = evaluate(
+        ("table.h",), "vector n = strengthened(vector(in[0], in[1], in[2]), in[3]);"
+        "out[0] = n[0]; out[1] = n[1]; out[2] = n[2];", inputs, 3,
+    )
+    np.testing.assert_allclose(osl, table.strengthened(n, strength), rtol=0, atol=4 * EPSILON * 3)
+
+
+# --- footprint.h ---
+
+FOOTPRINT_BODY = """
+  Footprint f;
+  out[0] = ray_footprint(vector(in[0], in[1], in[2]), vector(in[3], in[4], in[5]), vector(in[6], in[7], in[8]),
+                         vector(in[9], in[10], in[11]), in[12], in[13], in[14], in[15], in[16], f);
+  if (out[0] != 0) {
+    out[1] = f.ux; out[2] = f.uy; out[3] = f.vx; out[4] = f.vy;
+    out[5] = f.xu; out[6] = f.xv; out[7] = f.yu; out[8] = f.yv;
+    out[9] = f.area; out[10] = f.long_axis; out[11] = f.short_axis;
+  }
+"""
+
+
+def cones(rng, count, least_cosine):
+    """Random ray cones on surfaces: arguments of ray_footprint; cosines of view and normal from `least_cosine` to 1."""
+    normal = unit(rng.normal(size=(count, 3)))
+    first = unit(np.cross(normal, rng.normal(size=(count, 3))))
+    second = np.cross(normal, first)
+    cosine = least_cosine ** rng.uniform(0, 1, count)
+    angle = rng.uniform(0, 2 * np.pi, count)
+    across = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
+    view = cosine[:, None] * normal + np.sqrt(1 - cosine**2)[:, None] * across
+    cone = 10.0 ** rng.uniform(-5, 0, count)
+    jacobian = rng.normal(size=(count, 2, 2)) * 10.0 ** rng.uniform(-2, 3, (count, 1, 1))
+    return (cone[:, None] * first, cone[:, None] * second, view, normal, rng.uniform(0.2, 1.1, count),
+            jacobian[:, 0, 0], jacobian[:, 0, 1], jacobian[:, 1, 0], jacobian[:, 1, 1])
+
+
+def test_the_footprint_of_a_ray_cone():
+    rng = np.random.default_rng(3)
+    inputs, arguments = packed(*cones(rng, ROWS, 0.01))
+    jacobian = inputs[:, 13:].reshape(-1, 2, 2).astype(float)
+    inputs[:20, 13:] = 0  # no UV derivatives: no footprint
+    for column, argument in zip(range(13, 17), arguments[5:], strict=True):
+        argument[:20] = inputs[:20, column]
+    osl = evaluate(("footprint.h",), FOOTPRINT_BODY, inputs, 12).astype(float)
+    valid, twin = footprint.ray_footprint(*arguments)
+    np.testing.assert_array_equal(osl[:, 0] != 0, valid)
+    assert not valid[:20].any() and valid[20:].all()
+
+    # The determinant cancels by the condition of the UVs, the cosine by its own smallness.
+    expected = np.stack([getattr(twin, name) for name in footprint.FIELDS], axis=1)[valid]
+    values = osl[valid, 1:]
+    cosine = np.abs(np.einsum("nk,nk->n", arguments[2], arguments[3]))[valid]
+    tolerance = ROUNDING * np.linalg.cond(jacobian[valid]) / cosine
+    sizes = (np.abs(expected[:, :4]).max(1), np.abs(expected[:, 4:8]).max(1))
+    for block, size in enumerate(sizes):
+        error = np.abs(values - expected)[:, 4 * block : 4 * block + 4].max(1) / size
+        assert (error < tolerance).all()
+    assert (np.abs(values[:, 8] / expected[:, 8] - 1) < tolerance).all()
+    # The semi-axes of a near circle are the square root of a difference of nearly nothing.
+    assert (np.abs(values[:, 9:] / expected[:, 9:] - 1).max(1) < np.sqrt(EPSILON) + tolerance).all()
+
+
+def test_the_footprint_stays_finite_to_89_99_degrees_and_beyond():
+    rng = np.random.default_rng(4)
+    arguments = list(cones(rng, ROWS, 0.1))
+    normal, first = arguments[3], unit(arguments[0])
+    cosine = np.concatenate([np.full(ROWS // 2, np.cos(np.radians(89.99))), np.zeros(ROWS - ROWS // 2)])
+    arguments[2] = cosine[:, None] * normal + np.sqrt(1 - cosine**2)[:, None] * first
+    arguments[5:] = [np.full(ROWS, value) for value in (1.0, 0.0, 0.0, 1.0)]
+    osl = evaluate(("footprint.h",), FOOTPRINT_BODY, packed(*arguments)[0], 12)
+    assert np.isfinite(osl).all() and (osl[:, 0] != 0).all()
+    stretch = osl[:, 10] / osl[:, 11]
+    # At 89.99 degrees the stretch is 1 / cosine = 5730; where float32 has lost the cosine it ends at 1 / LEAST_COSINE.
+    assert (np.abs(stretch[: ROWS // 2] / 5730 - 1) < 0.01).all()
+    assert (stretch[ROWS // 2 :] < 1.01 / footprint.LEAST_COSINE).all()
+
+
+def test_kernel_radius_and_samples_of_the_footprint():
+    rng = np.random.default_rng(5)
+    inputs, (t, samples, a, b) = packed(
+        rng.uniform(0, 2, ROWS), rng.uniform(0, 3000, ROWS), rng.uniform(0, 1, ROWS), rng.uniform(0, 1, ROWS)
+    )
+    osl = evaluate(
+        ("footprint.h",), "float x; float y; footprint_sample(in[2], in[3], x, y); out[0] = footprint_kernel(in[0]);"
+        "out[1] = footprint_radius(in[1]); out[2] = x; out[3] = y;", inputs, 4,
+    )
+    np.testing.assert_allclose(osl[:, 0], footprint.footprint_kernel(t), rtol=0, atol=4 * EPSILON)
+    np.testing.assert_allclose(osl[:, 1], footprint.footprint_radius(samples), rtol=FAST_MATH)
+    x, y = footprint.footprint_sample(a, b)
+    # r is the square root of a small number near the centre, where its error is that number's divided by 2 r.
+    tolerance = FAST_MATH * (1 + 1 / np.maximum(np.hypot(x, y), np.sqrt(FAST_MATH)))
+    assert (np.abs(osl[:, 2] - x) < tolerance).all() and (np.abs(osl[:, 3] - y) < tolerance).all()
+
+
+# --- light_hint.h ---
+
+HALF_VECTOR_BODY = """
+  NormalFrame frame;
+  frame.tangent = vector(in[0], in[1], in[2]); frame.bitangent = vector(in[3], in[4], in[5]);
+  frame.upright = vector(in[6], in[7], in[8]); frame.tangent_dx = vector(in[9], in[10], in[11]);
+  frame.tangent_dy = vector(in[12], in[13], in[14]); frame.bitangent_dx = vector(in[15], in[16], in[17]);
+  frame.bitangent_dy = vector(in[18], in[19], in[20]); frame.upright_dx = vector(in[21], in[22], in[23]);
+  frame.upright_dy = vector(in[24], in[25], in[26]);
+  Footprint f;
+  f.xu = in[27]; f.xv = in[28]; f.yu = in[29]; f.yv = in[30];
+  HalfVector hint;
+  out[0] = half_vector(vector(in[31], in[32], in[33]), vector(in[34], in[35], 0), in[36], frame, f,
+                       vector(in[37], in[38], in[39]), vector(in[40], in[41], in[42]), in[43], hint);
+  vector results[7] = { hint.h, hint.t1, hint.t2, hint.f1, hint.f2, hint.f3,
+                        vector(hint.shift_u1, hint.shift_v1, hint.shift_u2) };
+  for (int k = 0; k < 21; ++k) {
+    out[1 + k] = out[0] != 0 ? results[k / 3][k % 3] : 0;
+  }
+  out[22] = out[0] != 0 ? hint.shift_v2 : 0;
+  out[23] = out[0] != 0 ? hint.radius : 0;
+  out[24] = out[0] != 0 ? hint.ball_growth : 0;
+  for (int k = 0; k < 3; ++k) {
+    out[25 + k] = P[k]; out[28 + k] = I[k]; out[31 + k] = Ng[k];
+  }
+"""
+
+
+def test_the_half_vector_of_suns_and_local_lights():
+    rng = np.random.default_rng(6)
+    rotation = np.linalg.qr(rng.normal(size=(ROWS, 3, 3)))[0]
+    basis = rotation + 0.2 * rng.normal(size=(ROWS, 3, 3))  # objects may be sheared
+    is_local = rng.random(ROWS) < 0.5
+    above = unit(rng.normal(size=(ROWS, 3)) + [0, 0, 0.7])
+    light = np.where(is_local[:, None], above * rng.uniform(0.3, 5, (ROWS, 1)), above)
+    kind = np.where(rng.random(ROWS) < 0.05, 0.0, np.where(is_local, light_hint.HINT_LOCAL, light_hint.HINT_SUN))
+    shape = np.stack([kind, rng.uniform(0, 0.15, ROWS)], axis=1)
+    cone = 0.01
+    first, second = np.tile([cone, 0, 0], (ROWS, 1)), np.tile([0, cone, 0], (ROWS, 1))
+    inputs, values = packed(
+        basis.reshape(ROWS, 9), 0.01 * rng.normal(size=(ROWS, 18)), rng.normal(size=(ROWS, 4)), light, shape,
+        rng.uniform(0.001, 0.3, ROWS), first, second, rng.uniform(0, 2, ROWS),
+    )
+    osl = evaluate(HINT_HEADERS, HALF_VECTOR_BODY, inputs, 34, rotation=(0.2, 0.3, 0.4)).astype(float)
+    valid, h, t1, t2, f1, f2, f3, shift, radius, growth, position, view, normal = read(
+        osl, (1, 3, 3, 3, 3, 3, 3, 4, 1, 1, 3, 3, 3)
+    )
+    basis, turns, to_steps, light, shape, k_alpha, first, second, view_turn = values
+    change = turns.reshape(ROWS, 6, 3)
+    frame = light_hint.NormalFrame(*basis.reshape(ROWS, 3, 3).transpose(1, 0, 2), *change.transpose(1, 0, 2))
+    area = footprint.Footprint(*[None] * 4, *to_steps.T, None, None, None)
+    expected, twin = light_hint.half_vector(
+        light, shape, k_alpha, frame, area, first, second, view_turn, position, view, normal
+    )
+    # Both answers occur; at most a few rows lie within rounding of the horizon or of the largest region.
+    assert 0.2 < expected.mean() < 0.95 and (expected != (valid != 0)).sum() <= 2
+
+    both = expected & (valid != 0)
+    both &= np.abs(np.abs(twin.h[:, 2]) - 0.9) > MARGIN  # where OSL and the twin may choose different axes
+    length = np.linalg.norm(view + np.where(shape[:, :1] == 2, unit(light - position), light), axis=1)
+    # The half vector of nearly opposite directions is the difference of nearly equal numbers.
+    tolerance = ROUNDING / np.minimum(length, 1.0) / np.sqrt(1 - twin.h[:, 2] ** 2).clip(0.1, 1)
+    assert (np.abs(h - twin.h).max(1) < tolerance)[both].all()
+    for value, other in ((t1, twin.axes[:, 0]), (t2, twin.axes[:, 1]), (f1, twin.forms[:, 0]),
+                         (f2, twin.forms[:, 1]), (f3, twin.forms[:, 2])):
+        assert (np.abs(value - other).max(1) < 4 * tolerance)[both].all()
+    size = np.abs(twin.shift).max((1, 2)) + 1e-3
+    wanted = twin.shift[:, [0, 0, 1, 1], [0, 1, 0, 1]]
+    assert (np.abs(shift - wanted).max(1) < 16 * tolerance * size / np.minimum(length, 1.0))[both].all()
+    assert (np.abs(radius - twin.radius) < (FAST_ASIN + tolerance) / length)[both].all()
+    assert (np.abs(growth - twin.ball_growth) < (FAST_ASIN + 8 * tolerance) / length)[both].all()
+
+
+HINT_BODY = """
+  HalfVector hint;
+  hint.f1 = vector(in[0], in[1], in[2]); hint.f2 = vector(in[3], in[4], in[5]); hint.f3 = vector(in[6], in[7], in[8]);
+  hint.shift_u1 = in[9]; hint.shift_v1 = in[10]; hint.shift_u2 = in[11]; hint.shift_v2 = in[12];
+  hint.radius = in[13]; hint.ball_growth = in[14];
+"""
+
+
+def random_hints(rng, count):
+    """float32 columns of HINT_BODY and the same hints for the twins, in frames that are sheared a little."""
+    frames = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0] + 0.05 * rng.normal(size=(count, 3, 3))
+    forms = frames * np.where(frames[:, 2:3, 2:3] < 0, -1.0, 1.0)
+    radius = rng.uniform(0.02, 0.5, count)
+    norms = np.linalg.norm(forms, axis=2)
+    growth = np.maximum(norms[:, 0], norms[:, 1]) + (radius + 0.1) * norms[:, 2]
+    shift = 0.05 * rng.normal(size=(count, 4))
+    inputs, (forms, shift, radius, growth) = packed(forms, shift, radius, growth)
+    return inputs, light_hint.HalfVector(None, None, forms, shift.reshape(count, 2, 2), radius, growth)
+
+
+def normals_near(rng, hint, spread):
+    """Tangent-space normals (n, 3) whose slopes around the half vectors are `spread` radii wide."""
+    slopes = rng.normal(size=(len(hint.radius), 2)) * spread * hint.radius[:, None]
+    wanted = np.concatenate([slopes, np.ones((len(slopes), 1))], axis=1)
+    n = np.linalg.solve(hint.forms, wanted[..., None])[..., 0]
+    return n * rng.uniform(0.3, 1.0, (len(n), 1))
+
+
+def test_slopes_around_a_half_vector_and_the_tests_that_skip():
+    rng = np.random.default_rng(7)
+    columns, hint = random_hints(rng, ROWS)
+    near = normals_near(rng, hint, 3.0)
+    near[::10] *= -1  # behind the horizon
+    low = rng.normal(size=(ROWS, 2)) * 0.5
+    inputs, (n, offset, ball, low, high, reach) = packed(
+        near, rng.normal(size=(ROWS, 2)), rng.uniform(0, 0.5, ROWS), low, low + rng.uniform(0, 0.6, (ROWS, 2)),
+        rng.uniform(0, 0.1, ROWS),
+    )
+    osl = evaluate(
+        HINT_HEADERS, HINT_BODY + """
+  float p1 = 0; float p2 = 0;
+  vector n = vector(in[15], in[16], in[17]);
+  out[0] = hint_slope(hint, n, in[18], in[19], p1, p2);
+  out[1] = p1; out[2] = p2;
+  out[3] = hint_reaches_ball(hint, n, in[20], in[18], in[19]);
+  out[4] = map_reaches_hint(hint, vector(in[21], in[22], 0), vector(in[23], in[24], 0), in[25]);
+""", np.concatenate([columns, inputs], axis=1), 5,
+    )
+    valid, slopes = light_hint.hint_slope(hint, n, *offset.T)
+    along = np.einsum("nk,nk->n", hint.forms[:, 2], n)
+    assert_flags_agree(osl[:, 0], valid, along)
+    clear = valid & (along > MARGIN)
+    tolerance = ROUNDING / along[clear] * (1 + np.abs(slopes[clear]).max(1))
+    assert (np.abs(osl[clear, 1:3] - slopes[clear]).max(1) < tolerance).all()
+    assert_flags_agree(osl[:, 3], *light_hint.hint_reaches_ball(hint, n, ball, *offset.T))
+    reached, margin = light_hint.map_reaches_hint(hint, low, high, reach)
+    corners_along = [hint.forms[:, 2, 0] * a[:, 0] + hint.forms[:, 2, 1] * b[:, 1] + hint.forms[:, 2, 2]
+                     for a in (low, high) for b in (low, high)]
+    margin = np.where(np.abs(corners_along).min(0) > MARGIN, margin, 0.0)
+    assert_flags_agree(osl[:, 4], reached, margin)
+
+
+# --- map.h ---
+
+PATCH_BODY = HINT_BODY + """
+  Patch patch;
+  patch.n00 = vector(in[15], in[16], in[17]); patch.n10 = vector(in[18], in[19], in[20]);
+  patch.n01 = vector(in[21], in[22], in[23]); patch.n11 = vector(in[24], in[25], in[26]);
+  vector n = patch_normal(patch, in[29], in[30]);
+  PatchSlopes s;
+  float p1 = 0; float p2 = 0; float c11 = 0; float c12 = 0; float c22 = 0;
+  out[0] = n[0]; out[1] = n[1]; out[2] = n[2];
+  out[3] = patch_slopes(hint, patch, in[27], in[28], s);
+  out[4] = patch_slope(hint, s, in[29], in[30], p1, p2);
+  patch_covariance(s, in[29], in[30], in[31], in[32], in[33], in[34], c11, c12, c22);
+  out[5] = p1; out[6] = p2; out[7] = c11; out[8] = c12; out[9] = c22;
+  out[10] = patch_columns(patch, in[35]); out[11] = patch_rows(patch, in[35]);
+"""
+
+
+def test_normals_slopes_and_covariance_of_a_bilinear_patch():
+    rng = np.random.default_rng(8)
+    columns, hint = random_hints(rng, ROWS)
+    centre = normals_near(rng, hint, 1.0)
+    patches = centre[:, None] + 0.15 * rng.normal(size=(ROWS, 4, 3)) * np.linalg.norm(centre, axis=1)[:, None, None]
+    inputs, (patch, offset, at, spread, alpha) = packed(
+        patches, rng.normal(size=(ROWS, 2)), rng.uniform(0, 1, (ROWS, 2)), rng.normal(size=(ROWS, 4)),
+        rng.uniform(0.01, 0.3, ROWS),
+    )
+    osl = evaluate(MAP_HEADERS, PATCH_BODY, np.concatenate([columns, inputs], axis=1), 12).astype(float)
+    np.testing.assert_allclose(osl[:, :3], normal_map.patch_normal(patch, *at.T), rtol=0, atol=4 * ROUNDING)
+
+    valid, forms, margin = normal_map.patch_slopes(hint, patch, *offset.T)
+    assert_flags_agree(osl[:, 3], valid, margin)
+    along = normal_map.patch_normal(forms, *at.T)[:, 2]
+    seen = valid & (along > 0.05)  # nearer the horizon slopes have no size to be compared by
+    inside, slope = normal_map.patch_slope(hint, forms, *at.T)
+    tolerance = ROUNDING * (1 + np.abs(slope).max(1)) / along * 4
+    assert (np.abs(osl[:, 5:7] - slope).max(1) < tolerance)[seen].all()
+    assert_flags_agree(osl[seen, 4], inside[seen], (np.linalg.norm(slope, axis=1) - hint.radius)[seen])
+
+    covariance = normal_map.patch_covariance(forms, *at.T, spread[:, :2], spread[:, 2:])
+    differences = 1e-5  # the twin differentiates by steps of 1e-5
+    size = np.abs(covariance).max(1) + 1e-3
+    relative = np.abs(osl[:, 7:10] - covariance).max(1) / size
+    assert (relative < differences + 16 * tolerance / along)[seen].all()
+
+    corners = patch.transpose(1, 0, 2)
+    for column, order in ((10, (0, 1, 2, 3)), (11, (0, 2, 1, 3))):
+        parts, exact = normal_map.patch_parts(*(corners[k] for k in order), alpha)
+        clear = np.abs(exact - np.round(exact)) > MARGIN
+        np.testing.assert_array_equal(osl[clear, column], parts[clear])
+        assert clear.mean() > 0.98 and len(np.unique(parts)) > 5
+
+
+# --- selection.h ---
+
+ELEMENTS = 7  # given; each is repeated with scaled slopes until there are more than closures
+SELECTION_BODY = """
+  HalfVector hints[8];
+  hints[0].radius = in[0]; hints[1].radius = in[1];
+  Selection s;
+  s.count = 0; s.merged = 0; s.grid = merge_grid(2);
+  int repeats = (int)in[2];
+  for (int k = 0; k < 7 * repeats; ++k) {
+    int e = 3 + 6 * (k % 7);
+    float scale = 1.0 - (k / 7) / 16.0;
+    select_element(s, hints, k % 2, in[e], scale * in[e + 1], scale * in[e + 2], in[e + 3], in[e + 4], in[e + 5]);
+  }
+  out[0] = s.merged; out[1] = s.count;
+  int cells = s.grid * s.grid;
+  for (int k = 0; k < (s.merged ? 2 * cells : s.count); ++k) {
+    int h = s.merged ? k / cells : s.hint[k];
+    int o = 2 + 6 * h;
+    if (s.merged) {
+      out[o] += s.cell_weight[k]; out[o + 1] += s.cell_p1[k]; out[o + 2] += s.cell_p2[k];
+      out[o + 3] += s.cell_c11[k]; out[o + 4] += s.cell_c12[k]; out[o + 5] += s.cell_c22[k];
+    } else {
+      out[o] += s.weight[k]; out[o + 1] += s.weight[k] * s.p1[k]; out[o + 2] += s.weight[k] * s.p2[k];
+      out[o + 3] += s.weight[k] * (s.p1[k] * s.p1[k] + s.c11[k]);
+      out[o + 4] += s.weight[k] * (s.p1[k] * s.p2[k] + s.c12[k]);
+      out[o + 5] += s.weight[k] * (s.p2[k] * s.p2[k] + s.c22[k]);
+    }
+  }
+"""
+
+
+def test_merging_keeps_weight_mean_and_second_moments_of_each_hint():
+    rng = np.random.default_rng(9)
+    elements = rng.normal(size=(ROWS, ELEMENTS, 6)) * 0.1
+    elements[..., 0] = rng.uniform(0, 1, (ROWS, ELEMENTS))
+    repeats = rng.integers(1, 17, ROWS)
+    inputs, (radius, repeats, elements) = packed(rng.uniform(0.05, 0.3, (ROWS, 2)), repeats, elements)
+    osl = evaluate((*MAP_HEADERS, "selection.h"), SELECTION_BODY, inputs, 14)
+
+    # All elements of each hint, as the shader makes them.
+    k = np.arange(ELEMENTS * 16)
+    scaled = elements[:, k % ELEMENTS]
+    scaled[..., 1:3] *= (1 - (k // ELEMENTS) / 16)[:, None]
+    used = k < ELEMENTS * repeats[:, None]
+    fits = ELEMENTS * repeats <= selection.CLOSURE_BUDGET
+    assert fits.any() and not fits.all()
+    np.testing.assert_array_equal(osl[:, 0] == 0, fits)
+    np.testing.assert_array_equal(osl[fits, 1], ELEMENTS * repeats[fits])
+    for h in range(2):
+        weight = np.where(used & (k % 2 == h), scaled[..., 0], 0.0)
+        p1, p2 = scaled[..., 1], scaled[..., 2]
+        second = (p1 * p1 + scaled[..., 3], p1 * p2 + scaled[..., 4], p2 * p2 + scaled[..., 5])
+        for column, value in enumerate((np.ones_like(p1), p1, p2, *second)):
+            sums, sizes = (weight * value).sum(1), (weight * np.abs(value)).sum(1)
+            # A sum of 112 numbers in float32.
+            assert (np.abs(osl[:, 2 + 6 * h + column] - sums) <= 112 * EPSILON * sizes).all()
+
+
+def test_every_slope_of_a_region_has_a_cell_of_its_hint():
+    rng = np.random.default_rng(10)
+    hints = rng.integers(1, 9, ROWS)
+    radius = rng.uniform(0.01, 0.8, ROWS)
+    slopes = rng.uniform(-1.1, 1.1, (ROWS, 2)) * radius[:, None]
+    inputs, (hints, hint, radius, slopes) = packed(hints, rng.integers(0, hints), radius, slopes)
+    osl = evaluate(
+        (*MAP_HEADERS, "selection.h"),
+        "out[0] = merge_grid((int)in[0]); out[1] = cell_index((int)out[0], (int)in[1], in[2], in[3], in[4]);",
+        inputs, 2,
+    )
+    grid = np.array([selection.merge_grid(int(count)) for count in hints])
+    np.testing.assert_array_equal(osl[:, 0], grid)
+    assert (grid**2 * hints <= selection.CLOSURE_BUDGET).all() and set(grid) >= {2, 3, 4, 5, 6}
+    place = (slopes / radius[:, None] + 1) * 0.5 * grid[:, None]
+    clear = (np.abs(place - np.round(place)) > MARGIN).all(1)
+    assert clear.mean() > 0.98
+    np.testing.assert_array_equal(osl[clear, 1], selection.cell_index(grid, hint, radius, slopes)[clear])
+    assert (osl[:, 1] // grid**2 == hint).all()
