@@ -25,7 +25,7 @@ import numpy as np
 
 from ..errors import MapError, TableError
 
-MAGIC = 5347.0  # any number that no mean of alphas reaches
+MAGIC = 5344.0  # exact in half floats; any number that no mean of alphas reaches
 BORDER = 1  # texels around each level; bilinear interpolation looks no further
 VERSION = 1  # part of the file's name: raise it when the layout or the filter changes
 LARGEST_SIDE = 16384  # texels; a float atlas of that is 6 GB, more than OpenEXR readers are happy with

@@ -1,7 +1,8 @@
 """Node groups, one file each; GROUPS maps the name in the menu to the function that gets or builds it."""
 
-from . import glint_lights
+from . import glint_lights, image_texture
 
 GROUPS = {
     "Glint Lights": glint_lights.build,
+    "Glint Image Texture": image_texture.build,
 }

@@ -1,0 +1,97 @@
+"""Pixels of a Blender image as Cycles stores them before it interpolates."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..bake.openimageio import imported
+from ..bake.pyramid import srgb_encoded
+from ..errors import MapError
+
+# Cycles keeps sRGB images encoded in memory, if its working space has the same primaries.
+SRGB = "sRGB"
+SRGB_LINEAR = "Linear Rec.709"
+# Sources whose pixels change while rendering or are many images in one.
+REFUSED_SOURCES = {
+    "TILED": "is a UDIM image, which has no single mip pyramid",
+    "MOVIE": "is a movie, whose pixels change with the frame",
+    "SEQUENCE": "is an image sequence, whose pixels change with the frame",
+    "VIEWER": "is a render result, which has no lasting pixels",
+}
+
+
+@dataclass(frozen=True)
+class StoredImage:
+    """pixels: (height, width, 4) float32, row 0 at the bottom; the flags are those of `bake.pyramid.bake_pyramid`."""
+
+    pixels: np.ndarray
+    encoded: bool
+    associated: bool
+    half: bool
+
+
+def stored_image(image: bpy.types.Image) -> StoredImage:
+    """What Cycles holds of `image`: alpha associated unless it is data, sRGB still encoded, all else scene-linear.
+
+    Raises MapError for images without pixels, UDIM tiles, movies and sequences, and colour spaces that OpenColorIO
+    cannot convert. Source: Cycles, scene/image_oiio.cpp, util/image_metadata.cpp, util/colorspace.cpp.
+    """
+    pixels = raw_pixels(image)
+    is_data = image.colorspace_settings.is_data
+    associated = not is_data and image.alpha_mode in ("STRAIGHT", "PREMUL")
+    space = image.colorspace_settings.name
+    encoded = space == SRGB and bpy.data.colorspace.working_space == SRGB_LINEAR and cycles_keeps_encoding(image)
+
+    # Blender gives bytes as they are, with straight alpha, and floats in scene-linear light, with associated alpha.
+    if not image.is_float:
+        if not is_data and not encoded:
+            pixels[..., :3] = scene_linear(pixels[..., :3], space, image.name)
+        if associated:
+            pixels[..., :3] *= pixels[..., 3:]
+    elif encoded:
+        alpha = np.where(associated & (pixels[..., 3:] != 0), pixels[..., 3:], np.float32(1))
+        pixels[..., :3] = srgb_encoded(pixels[..., :3] / alpha) * alpha
+    half = not image.is_float and (is_data or encoded)
+    return StoredImage(pixels, encoded, associated, half)
+
+
+def raw_pixels(image: bpy.types.Image) -> np.ndarray:
+    """`image.pixels` as (height, width, 4) float32, row 0 at the bottom. Raises MapError (see `stored_image`)."""
+    if image.source in REFUSED_SOURCES:
+        raise MapError(f'Image "{image.name}" {REFUSED_SOURCES[image.source]}: use the Bilinear filter.')
+    width, height = image.size
+    if width * height == 0 or len(image.pixels) != width * height * image.channels:
+        raise MapError(f'Image "{image.name}" has no pixels: check its path and reload it.')
+    values = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(values)
+    values = values.reshape(height, width, image.channels)
+    if image.channels == 4:
+        return values
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., :3] = values[..., :3] if image.channels == 3 else values[..., :1]
+    if image.channels == 2:
+        pixels[..., 3] = values[..., 1]
+    return pixels
+
+
+def cycles_keeps_encoding(image: bpy.types.Image) -> bool:
+    """Whether Cycles interpolates an sRGB `image` before decoding: bytes, and any file it reads by itself."""
+    from_file = image.source == "FILE" and image.packed_file is None and not image.is_dirty
+    return not image.is_float or from_file
+
+
+def scene_linear(colors: np.ndarray, space: str, name: str) -> np.ndarray:
+    """`colors` (..., 3) of colour space `space` in Blender's working space, by OpenColorIO and Blender's own config."""
+    ocio = imported("PyOpenColorIO")
+    file = os.environ.get("OCIO") or bpy.utils.system_resource("DATAFILES", path="colormanagement/config.ocio")
+    try:
+        processor = ocio.Config.CreateFromFile(file).getProcessor(space, bpy.data.colorspace.working_space)
+    except ocio.Exception as error:
+        raise MapError(f'Image "{name}" cannot be converted from "{space}" ({error}): choose sRGB.') from error
+    converted = np.array(colors, dtype=np.float32, order="C")
+    processor.getDefaultCPUProcessor().applyRGB(converted)
+    return converted
