@@ -1,8 +1,11 @@
 """The operators: what they do, why they are greyed out, and that a failure is one sentence and changes nothing."""
 
+from pathlib import Path
+
 import bpy
 import pytest
 
+import glint_addon
 from glint_addon.material import glint_groups, is_glint_material
 from glint_addon.nodes import GROUPS
 from tests.helpers import cycles
@@ -158,3 +161,73 @@ def test_a_clash_of_names_is_one_sentence(plane):
     tree = bpy.data.materials.new("Shader").node_tree
     with shader_editor(tree):
         assert "rename it" in refused(bpy.ops.glint.add_node_group, group=name)
+
+
+@pytest.fixture
+def glinting(plane, flake_map, tmp_path):
+    """The plane with a Glint material and a sun, in a saved file; gives the scene."""
+    bpy.ops.glint.add_material(filepath=str(flake_map))
+    scene = bpy.context.scene
+    cycles.add_sun(scene, (0, 0, 1), angle=0.01)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "glints.blend"))
+    return bpy.context.scene
+
+
+def test_preparing_bakes_once_and_keeps_its_report_on_the_scene(glinting, tmp_path):
+    for word in ("baked", "reused"):
+        assert bpy.ops.glint.prepare() == {"FINISHED"}
+        state = bpy.context.scene.glint
+        assert [line.detail for line in state.tables] == [word]
+    assert state.prepared and state.osl and state.device == "CPU"
+    assert [line.name for line in state.hints] == ["Sun"] and not state.warnings
+    assert Path(state.tables[0].name).parent == tmp_path / "glint_tables"
+
+
+def test_the_report_says_why_a_light_was_left_out(glinting):
+    cycles.add_sun(glinting, (0, 1, 1), strength=0.0)
+    bpy.ops.glint.prepare()
+    (line,) = bpy.context.scene.glint.skipped_lights
+    assert line.name == "Sun.001" and line.detail
+
+
+def test_warnings_say_in_words_what_stands_in_the_way(glinting):
+    glinting.render.use_simplify = True
+    glinting.cycles.texture_limit_render = "1024"
+    glinting.cycles.device = "GPU"
+    bpy.ops.glint.prepare()
+    words = " ".join(line.name for line in bpy.context.scene.glint.warnings)
+    assert "Simplify" in words and "OptiX" in words
+
+
+def test_preparing_shows_progress_that_only_grows(glinting):
+    steps = []
+    glint_addon.prepare_scene(glinting, progress=lambda fraction, text: steps.append((fraction, text)))
+    fractions = [fraction for fraction, _ in steps]
+    assert fractions == sorted(fractions) and fractions[0] >= 0.0 and fractions[-1] == 1.0
+    assert all(text for _, text in steps)
+
+
+def test_preparing_fails_in_one_sentence_if_tables_cannot_be_written(glinting, tmp_path):
+    (tmp_path / "glint_tables").write_text("a file where the folder should be", encoding="utf-8")
+    assert str(tmp_path) in refused(bpy.ops.glint.prepare)
+    assert not bpy.context.scene.glint.prepared
+
+
+def test_preparing_names_a_map_whose_file_has_gone(glinting, flake_map):
+    flake_map.unlink()
+    bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
+    assert "flakes.png" in refused(bpy.ops.glint.prepare)
+
+
+def test_after_preparing_the_sun_lights_facets_that_blender_nodes_find_only_by_luck(glinting):
+    cycles.add_camera(glinting, (0, 0, 3), width=2.0)
+    for node in bpy.context.object.active_material.node_tree.nodes:
+        if node.bl_idname == "ShaderNodeGroup":
+            node.inputs["Roughness"].default_value = 0.1
+    cycles.box_filter(glinting)
+    bpy.ops.glint.prepare()
+    lobe = cycles.rendered(glinting)[..., 0]
+    glinting.cycles.shading_system = False
+    native = cycles.rendered(glinting)[..., 0]
+    # 32 pixels over 32 texels: almost no facet mirrors the sun, but each has a lobe, and one sample finds few of them.
+    assert lobe.std() / lobe.mean() < 0.9 * native.std() / native.mean()
