@@ -83,10 +83,16 @@ def _check(image):
 
 
 def _as_data(image):
+    """A copy of `image` read as data; the pixels of generated and painted images, which no file holds, are packed."""
     name = f"{image.name} (Non-Color)"
+    is_unsaved = image.source == "GENERATED" or image.is_dirty
     copy = bpy.data.images.get((name, None))
-    if copy is None or copy.filepath != image.filepath:
+    if is_unsaved or copy is None or copy.filepath != image.filepath or copy.is_dirty:
+        pixels = image_pixels(image)
         copy = image.copy()
         copy.name = name
         copy.colorspace_settings.name = "Non-Color"
+        if is_unsaved:
+            copy.pixels.foreach_set(pixels.ravel())
+            copy.pack()
     return copy

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from numbers import Real
+
 import bpy
 
 from .errors import MapError
@@ -29,11 +31,8 @@ def create_glint_material(
     the active render UV map. Colour 1 and strength 1 reproduce Image Texture -> Normal Map -> Glossy BSDF.
     Raises MapError or ShaderError, and then leaves nothing behind. Call `prepare_scene` before rendering.
     """
-    for value, what, high in ((roughness, "Roughness", 1.0), (strength, "Strength", 10.0)):
-        if not 0.0 <= value <= high:
-            raise MapError(f"{what} {value} of glint material {name} is out of range: use 0 to {high:g}.")
-    images_before = set(bpy.data.images)
-    material = None
+    _check_values(name, roughness, strength, color, uv_map)
+    before = _data_blocks()
     try:
         image = normal_map_image(normal_map)
         _decoded(image, convention)
@@ -41,10 +40,7 @@ def create_glint_material(
         material = bpy.data.materials.new(name)
         _add_surface(material, group, roughness, color, strength, uv_map)
     except Exception:
-        if material is not None:
-            bpy.data.materials.remove(material)
-        for image in set(bpy.data.images) - images_before:
-            bpy.data.images.remove(image)
+        bpy.data.batch_remove(_data_blocks() - before)
         raise
     return material
 
@@ -73,6 +69,28 @@ def glint_groups(material) -> list[bpy.types.ShaderNodeTree]:
 
     search(material.node_tree if material is not None else None)
     return found
+
+
+def _check_values(name, roughness, strength, color, uv_map):
+    """Refuse at the door what Blender would refuse half-way, in other words."""
+    for value, what, high in ((roughness, "Roughness", 1.0), (strength, "Strength", 10.0)):
+        if not isinstance(value, Real) or not 0.0 <= value <= high:
+            raise MapError(f"{what} {value} of glint material {name} is out of range: use 0 to {high:g}.")
+    try:
+        channels = [float(channel) for channel in color]
+    except (TypeError, ValueError):
+        channels = []
+    if len(channels) not in (3, 4) or not all(0.0 <= channel < float("inf") for channel in channels):
+        raise MapError(f"Color {color} of glint material {name} is no color: use three numbers from 0.")
+    for value, what in ((name, "Name"), (uv_map, "UV map")):
+        if not isinstance(value, str):
+            raise MapError(f"{what} {value} of glint material {name} is no text: give its name.")
+
+
+def _data_blocks() -> set:
+    """All that creating a material may add to the file."""
+    kinds = (bpy.data.images, bpy.data.materials, bpy.data.node_groups, bpy.data.texts)
+    return {block for kind in kinds for block in kind}
 
 
 def _decoded(image, convention):

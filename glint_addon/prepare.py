@@ -40,9 +40,10 @@ def prepare_scene(scene, progress=None) -> dict:
             progress(index / len(groups), f'Baking "{group["glint_image"].name}"')
             tables.append(_table(group, folder, report))
 
-    for group, table in zip(groups, tables, strict=False):
+    for group, (stamp, table) in zip(groups, tables, strict=False):
         glint_bsdf.refresh(group)
         glint_bsdf.set_table(group, *table)
+        _remember(group, stamp, *table)
     hints, skipped = scene_hints(scene)
     connect_hints(glint_lights.build(), scene, hints)
     report["hints"] = [hint.object.name for hint in hints]
@@ -66,25 +67,31 @@ def scene_glint_groups(scene) -> list[bpy.types.ShaderNodeTree]:
 
 
 def _table(group, folder: Path, report: dict):
-    """Bake or find the table of a group; returns the arguments of `glint_bsdf.set_table`."""
+    """Bake or find the table of a group; returns the image's stamp and the arguments of `glint_bsdf.set_table`."""
     image = group["glint_image"]
     stamp = image_stamp(image)
-    known = group.get("glint_source", "")
     path = Path(group["glint_table"]) if group["glint_table"] else None
-    if stamp and stamp == known and path is not None and path.is_file() and path.parent == folder:
+    same_file = stamp != "" and stamp == group.get("glint_source", "")
+    if same_file and path is not None and path.is_file() and path.parent == folder:
         # Same file as last time: do not even read its pixels.
         report["reused"].append(str(path))
-        return str(path), group["glint_size"], group["glint_slope_low"], group["glint_slope_high"]
+        return stamp, (str(path), group["glint_size"], group["glint_slope_low"], group["glint_slope_high"])
+    if stamp and not same_file:
+        image.reload()  # Blender may still hold the pixels of an older file
     binding = glint_bsdf.group_binding(group)
     normals = decoded_normals(image_pixels(image), convention=binding.convention, name=image.name)
     path, written = bake_table(normals, folder, interpolation=binding.interpolation)
     report["baked" if written else "reused"].append(str(path))
-    low, high = slope_bounds(normals)
+    size = [normals.shape[1], normals.shape[0]]
+    return stamp, (str(path), size, *([float(value) for value in bound] for bound in slope_bounds(normals)))
+
+
+def _remember(group, stamp, path, size, slope_low, slope_high):
+    """What the next call needs to find the table again without reading the image."""
     group["glint_source"] = stamp
-    group["glint_size"] = [normals.shape[1], normals.shape[0]]
-    group["glint_slope_low"] = [float(value) for value in low]
-    group["glint_slope_high"] = [float(value) for value in high]
-    return str(path), group["glint_size"], group["glint_slope_low"], group["glint_slope_high"]
+    group["glint_size"] = size
+    group["glint_slope_low"] = slope_low
+    group["glint_slope_high"] = slope_high
 
 
 def _device(scene) -> str:
