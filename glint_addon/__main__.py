@@ -2,7 +2,10 @@
 
 import sys
 
-import bpy  # noqa: F401  (first: Blender's other modules are found only after it)
+from .streams import blender_talks_to_stderr
+
+with blender_talks_to_stderr():
+    import bpy  # noqa: F401  (Blender's other modules are found only after it)
 
 from . import register
 from .cli import main

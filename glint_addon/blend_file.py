@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import sys
 from pathlib import Path
 
 import bpy
@@ -70,17 +67,3 @@ def blender(aim: str, operator, **settings):
         raise SceneError(f"Blender cannot {aim} ({words}): repair what it names and try again.") from error
     if "FINISHED" not in result:
         raise SceneError(f"Blender did not {aim}: try it in Blender itself to see why.")
-
-
-@contextlib.contextmanager
-def blender_talks_to_stderr():
-    """Within this block what Blender prints about files and samples goes to standard error, not among the results."""
-    sys.stdout.flush()
-    kept = os.dup(1)
-    os.dup2(2, 1)
-    try:
-        yield
-    finally:
-        sys.stdout.flush()
-        os.dup2(kept, 1)
-        os.close(kept)

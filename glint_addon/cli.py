@@ -1,4 +1,4 @@
-"""The command line: `blender --command glint prepare|render|info FILE.blend`; exits with 0 done, 1 failed, 2 misused."""
+"""The command line: `blender --command glint prepare|render|info FILE.blend`; exits with 0 done, 1 failed, 2 misuse."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from pathlib import Path
 
 import bpy
 
-from .blend_file import FORMATS, blender, blender_talks_to_stderr, chosen_scene, open_file, set_output
+from .blend_file import FORMATS, blender, chosen_scene, open_file, set_output
 from .errors import GlintError, SceneError
+from .streams import blender_talks_to_stderr
 
 COMMAND = "glint"
 _handles = []

@@ -23,9 +23,10 @@ ALLOWED = {
     "operators": CORE,
     "ui": CORE | {"operators"},
     "blend_file": BASE,
-    "cli": CORE | {"operators", "blend_file"},
+    "streams": set(),
+    "cli": CORE | {"operators", "blend_file", "streams"},
     "": CORE | {"operators", "ui", "cli"},
-    "__main__": {"", "cli"},
+    "__main__": {"", "cli", "streams"},
 }
 MODULES = sorted(ADDON.rglob("*.py"))
 
