@@ -4,10 +4,9 @@
 #define HINT_NONE 0.0
 #define HINT_SUN 1.0
 #define HINT_LOCAL 2.0
-/* The selected region ends where a Beckmann lobe keeps 0.2 % of its energy outside (exp(-2.5^2)); a GGX lobe has longer
- * tails. What is left out stays in the remainder, without bias. */
-#define REGION_BECKMANN 2.5
-#define REGION_GGX 4.0
+/* Radius of the selected region in alpha: a Beckmann lobe keeps 0.2 % of its energy outside (exp(-2.5^2)), a GGX lobe 14 %;
+ * what is left out stays in the remainder, without bias. Wider regions would need more cells. */
+#define REGION 2.5
 /* Beyond this radius (slope) a lobe is so wide that the plain material has no glints to lose. */
 #define LARGEST_REGION 0.8
 
@@ -41,7 +40,7 @@ void slope_axes(NormalFrame frame, output HalfVector hint)
 }
 
 /* Half vector of one hint at the shading point; returns 0 if no glint of this light can be seen here. */
-int half_vector(vector light, vector shape, float kind_k_alpha, NormalFrame frame, Footprint footprint,
+int half_vector(vector light, vector shape, float region, NormalFrame frame, Footprint footprint,
                 vector dpdx, vector dpdy, float view_turn, output HalfVector hint)
 {
   if (shape[0] == HINT_NONE) {
@@ -70,7 +69,7 @@ int half_vector(vector light, vector shape, float kind_k_alpha, NormalFrame fram
   hint.h = sum / sum_length;
 
   /* An angle a between lights is an angle between half vectors of up to a / (2 cos) across the plane of incidence. */
-  hint.radius = kind_k_alpha + half_angle / sum_length;
+  hint.radius = region + half_angle / sum_length;
   if (!(hint.radius < LARGEST_REGION)) {
     return 0;
   }

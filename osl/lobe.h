@@ -51,7 +51,7 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
                                  float total, float seed_1, float seed_2, closure color remainder, output int closures)
 {
   closure color sum = remainder;
-  int slots = s.merged ? s.grid * s.grid * hint_count : s.count;
+  int slots = s.merged ? s.cells * hint_count : s.count;
   for (int k = 0; k < slots; ++k) {
     float weight = s.merged ? s.cell_weight[k] : s.weight[k];
     float w = total > 0.0 ? weight / total : 0.0;
@@ -59,7 +59,7 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
       w = (float)hashnoise(point(seed_1, seed_2, k)) * LEAST_WEIGHT < w ? LEAST_WEIGHT : 0.0;
     }
     if (w > 0.0) {
-      int hint = s.merged ? k / (s.grid * s.grid) : s.hint[k];
+      int hint = s.merged ? k / s.cells : s.hint[k];
       float p1 = s.p1[k];
       float p2 = s.p2[k];
       float c11 = s.c11[k];
@@ -101,7 +101,7 @@ closure color glint_lobe(string distribution, float alpha, Map map, vector low, 
   HalfVector hints[8];
   int hint_count = 0;
   float view_turn = length(Dx(I)) / length(dpdx);
-  float region = alpha * (distribution == "ggx" ? REGION_GGX : REGION_BECKMANN);
+  float region = REGION * alpha;
   float extent_u = sqrt(footprint.ux * footprint.ux + footprint.uy * footprint.uy) + 1.0;
   float extent_v = sqrt(footprint.vx * footprint.vx + footprint.vy * footprint.vy) + 1.0;
   int bounded = high[0] > low[0] || high[1] > low[1];

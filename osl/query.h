@@ -154,7 +154,7 @@ float glint_query(Map map, HalfVector hints[8], int hint_count, float alpha, Foo
 {
   s.count = 0;
   s.merged = 0;
-  s.grid = merge_grid(hint_count);
+  s.cells = hint_cells(hint_count);
   visited = 0;
   float total = 0;
 

@@ -3,15 +3,13 @@
 /* Cycles takes 64 closures a shading point and drops the rest in silence; 3 are left for the remainder and the
  * material's neighbours in a Mix Shader. */
 #define CLOSURE_BUDGET 60
-/* More cells a side than this bring no accuracy (merge error 0.4 % at 6), but cost time. */
-#define LARGEST_GRID 6
 /* Cycles drops closures whose weight is below 1e-5; lighter ones are kept at this weight by Russian roulette. */
 #define LEAST_WEIGHT 2e-5
 
 struct Selection {
   int count;       /* elements kept one by one; meaningless once merged */
   int merged;      /* whether the cells are in use */
-  int grid;        /* cells a side of each hint's square around its half vector */
+  int cells;       /* cells of each hint, see hint_cells */
   float weight[60];
   float p1[60];
   float p2[60];
@@ -28,17 +26,43 @@ struct Selection {
   float cell_c22[60];
 };
 
-/* Cells a side so that all hints' cells fit the budget. */
-int merge_grid(int hints)
+/* Cells of each hint, so that all hints' fit the budget: a disk around the half vector and rings of sectors.
+ * Measured in numpy, random elements in the region, a light 0.2 alpha off its middle; relative rms and bias for 30 and
+ * for 400 elements, Beckmann | GGX:
+ *   1 + 6 + 12 + 18 cells   0.2 %, 0.0 % and 0.2 %, -0.1 %   | 1.5 %,  0.0 % and 0.6 %, -0.3 %
+ *   1 + 6 + 12              0.8 %, 0.2 % and 0.4 %, -0.2 %   | 3.6 %,  0.6 % and 1.6 %,  0.5 %
+ *   1 + 5 + 8               1.0 %, 0.3 % and 0.4 %,  0.1 %   | 3.6 %,  0.1 % and 1.5 %, -0.2 %
+ *   1 + 6                   3.7 %, 0.5 % and 1.5 %, -0.8 %   | 8.4 %,  2.1 % and 4.5 %,  2.0 %
+ * Squares do worse: 6 x 6 0.3 % | 1.5 %, 3 x 3 3.7 % | 11 %, 2 x 2 15 % and -14 % (the light shines on their corner). */
+int hint_cells(int hints)
 {
-  return max(1, min(LARGEST_GRID, (int)floor(sqrt(CLOSURE_BUDGET / (float)max(hints, 1)))));
+  return hints == 1 ? 37 : hints <= 3 ? 19 : hints == 4 ? 14 : 7;
 }
 
-int cell_index(int grid, int hint, float radius, float p1, float p2)
+/* Cell of the slope p, of `cells` around each hint; radius: of the region. */
+int cell_index(int cells, int hint, float radius, float p1, float p2)
 {
-  int column = clamp((int)floor((p1 / radius + 1.0) * 0.5 * grid), 0, grid - 1);
-  int row = clamp((int)floor((p2 / radius + 1.0) * 0.5 * grid), 0, grid - 1);
-  return (hint * grid + row) * grid + column;
+  float r = sqrt(p1 * p1 + p2 * p2) / radius;
+  int first = 0;
+  int sectors = 1;
+  if (cells == 37) {
+    first = r < 0.18 ? 0 : r < 0.45 ? 1 : r < 0.72 ? 7 : 19;
+    sectors = r < 0.18 ? 1 : r < 0.45 ? 6 : r < 0.72 ? 12 : 18;
+  }
+  else if (cells == 19) {
+    first = r < 0.25 ? 0 : r < 0.6 ? 1 : 7;
+    sectors = r < 0.25 ? 1 : r < 0.6 ? 6 : 12;
+  }
+  else if (cells == 14) {
+    first = r < 0.25 ? 0 : r < 0.6 ? 1 : 6;
+    sectors = r < 0.25 ? 1 : r < 0.6 ? 5 : 8;
+  }
+  else {
+    first = r < 0.37 ? 0 : 1;
+    sectors = r < 0.37 ? 1 : 6;
+  }
+  int sector = (int)floor((atan2(p2, p1) / M_2PI + 0.5) * sectors);
+  return hint * cells + first + clamp(sector, 0, sectors - 1);
 }
 
 void add_to_cell(output Selection s, int cell, float weight, float p1, float p2, float c11, float c12, float c22)
@@ -78,11 +102,11 @@ void select_element(output Selection s, HalfVector hints[8], int hint, float wei
       s.cell_c22[k] = 0;
     }
     for (int k = 0; k < CLOSURE_BUDGET; ++k) {
-      add_to_cell(s, cell_index(s.grid, s.hint[k], hints[s.hint[k]].radius, s.p1[k], s.p2[k]), s.weight[k], s.p1[k],
+      add_to_cell(s, cell_index(s.cells, s.hint[k], hints[s.hint[k]].radius, s.p1[k], s.p2[k]), s.weight[k], s.p1[k],
                   s.p2[k], s.c11[k], s.c12[k], s.c22[k]);
     }
   }
-  add_to_cell(s, cell_index(s.grid, hint, hints[hint].radius, p1, p2), weight, p1, p2, c11, c12, c22);
+  add_to_cell(s, cell_index(s.cells, hint, hints[hint].radius, p1, p2), weight, p1, p2, c11, c12, c22);
 }
 
 /* Anisotropic closure of one element or cell: mean slope p and slope covariance c around the half vector. */
