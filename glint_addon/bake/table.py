@@ -13,9 +13,8 @@ Layout (read by osl/table.h; a test compares the constants): an RGBA float32 Ope
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
 from pathlib import Path
+from uuid import uuid4
 
 import numpy as np
 
@@ -77,20 +76,20 @@ def bake_table(normals: np.ndarray, folder: Path, *, interpolation: str = "LINEA
         return path, False
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".glint_", suffix=SUFFIX)
-        os.close(handle)
+        temporary = path.with_name(f".{path.stem}_{uuid4().hex}{SUFFIX}")
+        temporary.touch(exist_ok=False)  # not tempfile, whose files other users of a render farm may not read
     except OSError as error:
         raise TableError(
             f"Glint tables cannot be written to {path.parent} ({error.strerror}): "
             "save the .blend file in a folder you may write to."
         ) from error
     try:
-        _write_image(temporary, table_pixels(normals, interpolation))
-        Path(temporary).replace(path)
+        _write_image(str(temporary), table_pixels(normals, interpolation))
+        temporary.replace(path)
     except OSError as error:
         raise TableError(f"Glint table {path} cannot be written ({error.strerror}): free some disk space.") from error
     finally:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
     return path, True
 
 
