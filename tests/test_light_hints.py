@@ -9,7 +9,7 @@ import pytest
 from glint_addon.lights.hints import SOFT_HALF_ANGLE, TOO_MANY, scene_hints
 from glint_addon.lights.irradiance import irradiance
 from glint_addon.lights.receivers import glint_objects, lit_objects, world_bounds
-from glint_addon.nodes import glint_lights
+from glint_addon.nodes import glint_bsdf, glint_lights
 from tests.helpers import cycles
 
 # A light of 1/20 of its distance is seen under cosines that differ from 1 by 0.1 %; 256 samples leave less noise.
@@ -26,10 +26,10 @@ def add_lamp(scene, name, kind="POINT", location=(0, 0, 5), **settings):
     return lamp
 
 
-def glint_material(name="Glints"):
-    """A material that uses one of our groups two levels down."""
+def material_with(group, name="Glints"):
+    """A material that uses `group` two levels down."""
     inner = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
-    inner.nodes.new("ShaderNodeGroup").node_tree = glint_lights.build()
+    inner.nodes.new("ShaderNodeGroup").node_tree = group
     material, _ = cycles.emission_material(name)
     material.node_tree.nodes.new("ShaderNodeGroup").node_tree = inner
     return material
@@ -172,7 +172,7 @@ def test_the_eight_strongest_are_kept_in_order_of_name(scene):
 
 def test_strength_is_judged_at_the_objects_with_glints(scene):
     cycles.add_plane(scene, 1.0)
-    far = cycles.add_plane(scene, 1.0, material=glint_material())
+    far = cycles.add_plane(scene, 1.0, material=material_with(glint_bsdf.build()))
     far.location = (100, 0, 0)
     for number in range(8):
         add_lamp(scene, f"Near the plain plane {number}", location=(0, 0, 1), energy=50)
@@ -180,12 +180,18 @@ def test_strength_is_judged_at_the_objects_with_glints(scene):
     kept, skipped = scene_hints(scene)
     assert "Near the glints" in names(kept)
     assert len(skipped) == 1
-    assert glint_objects(scene.objects) == [far]
+
+
+def test_objects_with_glints_are_those_with_a_glint_bsdf_not_with_another_group_of_ours(scene):
+    glints = cycles.add_plane(scene, 1.0, material=material_with(glint_bsdf.build()))
+    cycles.add_plane(scene, 1.0, material=material_with(glint_lights.build(), "Textured"))
+    cycles.add_plane(scene, 1.0)
+    assert glint_objects(scene.objects) == [glints]
 
 
 @pytest.mark.parametrize(("kind", "settings"), [("SPOT", {"spot_size": 0.5}), ("AREA", {"size": 0.1})])
 def test_a_spot_or_area_light_that_looks_away_is_the_first_to_go(scene, kind, settings):
-    cycles.add_plane(scene, 1.0, material=glint_material())
+    cycles.add_plane(scene, 1.0, material=material_with(glint_bsdf.build()))
     away = add_lamp(scene, "Away", kind, energy=1000, **settings)
     away.rotation_euler = (math.pi, 0, 0)
     for number in range(8):
@@ -196,7 +202,7 @@ def test_a_spot_or_area_light_that_looks_away_is_the_first_to_go(scene, kind, se
 
 
 def test_light_linking_that_excludes_all_glints_is_a_reason_to_skip(scene):
-    plane = cycles.add_plane(scene, 1.0, material=glint_material())
+    plane = cycles.add_plane(scene, 1.0, material=material_with(glint_bsdf.build()))
     lamp = add_lamp(scene, "Lamp")
     lamp.light_linking.receiver_collection = bpy.data.collections.new("Receivers")
     lamp.light_linking.receiver_collection.objects.link(plane)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..nodes.builder import STAMP
+from ..nodes.glint_bsdf import is_glint_group
 
 
 def glint_objects(objects) -> list:
-    """Those of `objects` with a material that uses one of Glint's node groups, at any depth."""
+    """Those of `objects` with a material that holds a Glint BSDF group, at any depth."""
     known = {}
     return [
         thing
@@ -18,11 +18,11 @@ def glint_objects(objects) -> list:
 
 
 def _uses_glints(tree, known) -> bool:
-    """Whether node tree `tree` is or holds a group of ours; `known` remembers the trees seen."""
+    """Whether node tree `tree` is or holds a Glint BSDF group; `known` remembers the trees seen."""
     if tree is None:
         return False
     if tree not in known:
-        known[tree] = STAMP in tree
+        known[tree] = is_glint_group(tree)
         inner = (node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup")
         known[tree] = known[tree] or any(_uses_glints(group, known) for group in inner)
     return known[tree]
