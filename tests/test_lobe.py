@@ -57,7 +57,7 @@ def add_light(scene, kind, location, *, target=(0, 0, 0), power=30.0, **settings
 
 
 def pictures_of(scene, thing, image, *, nodes, lobe, **settings):
-    """Renders with Blender's nodes and with the lobe; nodes, lobe: (spp, seeds) of each. Arrays (seeds, rows, columns)."""
+    """Renders (seeds, rows, columns) with Blender's nodes and with the lobe; nodes, lobe: (spp, seeds) of each."""
     thing.material_slots[0].material = truth_material("Truth", image, **settings)
     first = series(scene, *nodes)
     thing.material_slots[0].material = create_glint_material("Glint", image, **settings)
@@ -206,8 +206,18 @@ def defocus(scene, thing):
     scene.camera.data.dof.aperture_fstop = 0.5
 
 
-GEOMETRIES = [mirror_uvs, turn_back, scale_negative, scale_unevenly, make_orthographic, use_far_uvs, squeeze_uvs, go_far,
-              blur_with_motion, defocus]
+GEOMETRIES = [
+    mirror_uvs,
+    turn_back,
+    scale_negative,
+    scale_unevenly,
+    make_orthographic,
+    use_far_uvs,
+    squeeze_uvs,
+    go_far,
+    blur_with_motion,
+    defocus,
+]
 
 
 @pytest.mark.parametrize("change", GEOMETRIES)
