@@ -59,11 +59,28 @@ def test_a_dropped_file_becomes_the_material_of_the_active_object(plane, flake_m
 
 def test_a_picked_image_becomes_the_material_and_the_pick_is_spent(plane, flake_map):
     image = bpy.data.images.load(str(flake_map))
-    image.colorspace_settings.name = "Non-Color"
     bpy.context.scene.glint.normal_map = image
     assert bpy.ops.glint.add_material() == {"FINISHED"}
     assert glint_groups(plane.active_material)[0]["glint_image"] == image
+    assert image.colorspace_settings.is_data
     assert bpy.context.scene.glint.normal_map is None
+
+
+def test_a_picked_image_that_is_a_colour_elsewhere_stays_one(plane, flake_map):
+    image = bpy.data.images.load(str(flake_map))
+    bpy.data.materials.new("Other").node_tree.nodes.new("ShaderNodeTexImage").image = image
+    bpy.context.scene.glint.normal_map = image
+    bpy.ops.glint.add_material()
+    assert not image.colorspace_settings.is_data
+    assert glint_groups(plane.active_material)[0]["glint_image"].colorspace_settings.is_data
+
+
+def test_a_refused_pick_is_left_as_it_was(plane, scene):
+    image = bpy.data.images.new("Single pixel", 1, 1)
+    bpy.context.scene.glint.normal_map = image
+    before = image.colorspace_settings.name
+    assert "Single pixel" in refused(bpy.ops.glint.add_material)
+    assert image.colorspace_settings.name == before and bpy.context.scene.glint.normal_map == image
 
 
 def test_the_material_replaces_only_the_active_slot(plane, flake_map):
@@ -99,6 +116,12 @@ def test_a_file_that_is_not_an_image_is_refused(plane, tmp_path, content):
     file = tmp_path / "notes.png"
     file.write_bytes(content)
     assert "notes.png" in refused(bpy.ops.glint.add_material, filepath=str(file))
+
+
+def test_a_picked_file_that_is_not_an_image_is_refused(plane, tmp_path):
+    (tmp_path / "notes.png").write_text("this is a text, not an image", encoding="utf-8")
+    bpy.context.scene.glint.normal_map = bpy.data.images.load(str(tmp_path / "notes.png"))
+    assert '"notes.png" has no pixels' in refused(bpy.ops.glint.add_material)
 
 
 def test_a_folder_instead_of_a_file_is_refused(plane, tmp_path):

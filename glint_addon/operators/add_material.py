@@ -3,29 +3,18 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, StringProperty
+from bpy.props import FloatProperty, FloatVectorProperty, StringProperty
 
-from ..errors import SceneError
 from .failing_softly import FailsSoftly
+from .map_settings import MapSettings, check_uv_map, read_as_data
 
-HIDDEN = {"HIDDEN", "SKIP_SAVE"}
 
-
-class GLINT_OT_add_material(FailsSoftly, bpy.types.Operator):
+class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
     """Make a glint material from a normal map and put it into the active object's material slot"""
 
     bl_idname = "glint.add_material"
     bl_label = "Add Glint Material"
     bl_options = {"REGISTER", "UNDO"}
-
-    filepath: StringProperty(
-        name="Normal Map File", description="Image file with the normal map", subtype="FILE_PATH", options=HIDDEN
-    )
-    image: StringProperty(
-        name="Normal Map Image", description="Name of the image data-block with the normal map", options=HIDDEN
-    )
-    filter_image: BoolProperty(default=True, options=HIDDEN)
-    filter_folder: BoolProperty(default=True, options=HIDDEN)
 
     name: StringProperty(name="Name", description="Name of the material; empty takes the map's name", default="")
     roughness: FloatProperty(
@@ -35,30 +24,6 @@ class GLINT_OT_add_material(FailsSoftly, bpy.types.Operator):
         min=0.0,
         max=1.0,
         subtype="FACTOR",
-    )
-    distribution: EnumProperty(
-        name="Distribution",
-        description="Microfacet distribution around each normal of the map",
-        items=(
-            ("BECKMANN", "Beckmann", "Gaussian slopes: crisp glints without tails"),
-            ("GGX", "GGX", "Long tails: a soft halo around each glint"),
-        ),
-    )
-    interpolation: EnumProperty(
-        name="Interpolation",
-        description="How normals are read between texels",
-        items=(
-            ("LINEAR", "Linear", "Smooth maps: waves, scratches, brushed metal"),
-            ("CLOSEST", "Closest", "One flat facet a texel: metallic flakes, sequins"),
-        ),
-    )
-    convention: EnumProperty(
-        name="Convention",
-        description="Which way the map's green channel points",
-        items=(
-            ("OPENGL", "OpenGL", "Green points up (Y+), as in Blender"),
-            ("DIRECTX", "DirectX", "Green points down (Y-)"),
-        ),
     )
     color: FloatVectorProperty(
         name="Color",
@@ -74,9 +39,6 @@ class GLINT_OT_add_material(FailsSoftly, bpy.types.Operator):
         default=1.0,
         min=0.0,
         max=10.0,
-    )
-    uv_map: StringProperty(
-        name="UV Map", description="UV map that places the normal map; empty takes the one active for rendering"
     )
 
     @classmethod
@@ -106,50 +68,30 @@ class GLINT_OT_add_material(FailsSoftly, bpy.types.Operator):
         target = context.object
         check_uv_map(target, self.uv_map, context)
         normal_map = self.chosen_map(context)
-        material = create_glint_material(
-            self.name or f"Glint {map_title(normal_map)}",
-            normal_map,
-            roughness=self.roughness,
-            distribution=self.distribution,
-            interpolation=self.interpolation,
-            convention=self.convention,
-            color=tuple(self.color),
-            strength=self.strength,
-            uv_map=self.uv_map,
-        )
+        with read_as_data(normal_map):
+            material = create_glint_material(
+                self.name or f"Glint {map_title(normal_map)}",
+                normal_map,
+                roughness=self.roughness,
+                distribution=self.distribution,
+                interpolation=self.interpolation,
+                convention=self.convention,
+                color=tuple(self.color),
+                strength=self.strength,
+                uv_map=self.uv_map,
+            )
         assign(target, material)
         # The pick is spent: the next material starts with an empty field.
         context.scene.glint.normal_map = None
         self.report({"INFO"}, f'Gave "{material.name}" to {target.name}: press Prepare Glints before rendering')
         return {"FINISHED"}
 
-    def chosen_map(self, context):
-        """The dropped file's path, the named image, or the image picked in the panel.
-
-        Raises SceneError if there is none.
-        """
-        if self.filepath:
-            return bpy.path.abspath(self.filepath)
-        if self.image:
-            image = bpy.data.images.get(self.image)
-            if image is None:
-                raise SceneError(f'There is no image named "{self.image}" in this file: open it first.')
-            return image
-        image = context.scene.glint.normal_map
-        if image is None:
-            raise SceneError(
-                "No normal map is chosen: pick an image in Material Properties > Glint, or drop one there."
-            )
-        return image
-
     def draw(self, context):
         """Settings in the Adjust Last Operation panel."""
-        layout = self.layout
-        layout.use_property_split = True
-        for name in ("name", "roughness", "distribution", "interpolation", "convention", "color", "strength"):
-            layout.prop(self, name)
-        if context.object and context.object.type == "MESH":
-            layout.prop_search(self, "uv_map", context.object.data, "uv_layers")
+        self.layout.use_property_split = True
+        for name in ("name", "roughness", "color", "strength"):
+            self.layout.prop(self, name)
+        self.draw_map(context)
 
 
 class GLINT_FH_normal_map(bpy.types.FileHandler):
@@ -164,21 +106,6 @@ class GLINT_FH_normal_map(bpy.types.FileHandler):
     def poll_drop(cls, context):
         space = context.space_data
         return space is not None and space.type == "PROPERTIES" and space.context == "MATERIAL"
-
-
-def check_uv_map(target, uv_map: str, context):
-    """Raise SceneError if the mesh of `target` has no UV map, or none named `uv_map`; modifiers may make it."""
-    if target.type != "MESH":
-        return
-    names = set(target.data.uv_layers.keys())
-    if not names or (uv_map and uv_map not in names):
-        names |= set(target.evaluated_get(context.evaluated_depsgraph_get()).data.uv_layers.keys())
-    if not names:
-        raise SceneError(
-            f'"{target.name}" has no UV map to place the normal map: unwrap it (UV > Unwrap) and try again.'
-        )
-    if uv_map and uv_map not in names:
-        raise SceneError(f'"{target.name}" has no UV map named "{uv_map}": choose one of {", ".join(sorted(names))}.')
 
 
 def map_title(normal_map) -> str:

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..operators.prepare import has_glint_groups
 from .text import draw_sentence
 
 
@@ -32,7 +33,8 @@ class GLINT_PT_material(GlintPanel, bpy.types.Panel):
         else:
             draw_picker(layout, context)
         layout.operator("glint.prepare", icon="FILE_REFRESH")
-        draw_state(layout, context)
+        if has_glint_groups():
+            draw_state(layout, context)
 
 
 class PreparedPanel(GlintPanel):
@@ -100,9 +102,10 @@ def draw_maps(layout, context):
         convention = {"OPENGL": "OpenGL", "DIRECTX": "DirectX"}.get(group.get("glint_convention"), "")
         column.label(text=", ".join(word for word in (*words, convention) if word), icon="BLANK1")
         table = group.get("glint_table", "")
-        column.label(
-            text=bpy.path.basename(table) if table else "Not prepared yet", icon="FILE_CACHE" if table else "ERROR"
-        )
+        if table:
+            column.label(text=bpy.path.basename(table), icon="FILE_CACHE")
+        elif bpy.app.build_options.cycles_osl:
+            column.label(text="Not prepared yet", icon="ERROR")
 
 
 def draw_state(layout, context):
