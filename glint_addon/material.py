@@ -34,15 +34,26 @@ def create_glint_material(
     _check_values(name, roughness, strength, color, uv_map)
     before = _data_blocks()
     try:
-        image = normal_map_image(normal_map)
-        _decoded(image, convention)
-        group = group_for(MapBinding(image, interpolation, convention, distribution, uv_map))
+        group = _bound_group(normal_map, interpolation, convention, distribution, uv_map)
         material = bpy.data.materials.new(name)
         _add_surface(material, group, roughness, color, strength, uv_map)
     except Exception:
         bpy.data.batch_remove(_data_blocks() - before)
         raise
     return material
+
+
+def bound_group(normal_map, *, distribution, interpolation, convention, uv_map) -> bpy.types.ShaderNodeTree:
+    """The Glint BSDF group that reads `normal_map`, a path or an image, in this way; see `create_glint_material`.
+
+    Raises MapError or ShaderError, and then leaves nothing behind.
+    """
+    before = _data_blocks()
+    try:
+        return _bound_group(normal_map, interpolation, convention, distribution, uv_map)
+    except Exception:
+        bpy.data.batch_remove(_data_blocks() - before)
+        raise
 
 
 def is_glint_material(material) -> bool:
@@ -91,6 +102,12 @@ def _data_blocks() -> set:
     """All that creating a material may add to the file."""
     kinds = (bpy.data.images, bpy.data.materials, bpy.data.node_groups, bpy.data.texts)
     return {block for kind in kinds for block in kind}
+
+
+def _bound_group(normal_map, interpolation, convention, distribution, uv_map):
+    image = normal_map_image(normal_map)
+    _decoded(image, convention)
+    return group_for(MapBinding(image, interpolation, convention, distribution, uv_map))
 
 
 def _decoded(image, convention):

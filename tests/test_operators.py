@@ -75,6 +75,13 @@ def test_a_picked_image_that_is_a_colour_elsewhere_stays_one(plane, flake_map):
     assert glint_groups(plane.active_material)[0]["glint_image"].colorspace_settings.is_data
 
 
+def test_an_image_named_by_a_script_stays_a_colour_if_a_node_uses_it(plane, flake_map):
+    image = bpy.data.images.load(str(flake_map))
+    bpy.data.materials.new("Other").node_tree.nodes.new("ShaderNodeTexImage").image = image
+    bpy.ops.glint.add_material(image=image.name)
+    assert not image.colorspace_settings.is_data
+
+
 def test_a_refused_pick_is_left_as_it_was(plane, scene):
     image = bpy.data.images.new("Single pixel", 1, 1)
     bpy.context.scene.glint.normal_map = image
@@ -146,6 +153,42 @@ def test_adding_a_material_is_greyed_out_for_a_camera(scene):
     camera = cycles.add_camera(bpy.context.scene)
     bpy.context.view_layer.objects.active = camera
     assert "Camera is not an object that takes materials" in greyed(bpy.ops.glint.add_material)
+
+
+def test_the_map_of_a_material_can_be_changed_and_read_another_way(plane, flake_map, tmp_path):
+    bpy.ops.glint.add_material(filepath=str(flake_map))
+    plane.data.uv_layers.new(name="Second")
+    other = write_flake_map(tmp_path / "other.png")
+    bpy.ops.glint.change_map(filepath=str(other), interpolation="CLOSEST", convention="DIRECTX", uv_map="Second")
+    (group,) = glint_groups(plane.active_material)
+    assert group["glint_image"].name == "other.png"
+    assert (group["glint_interpolation"], group["glint_convention"]) == ("CLOSEST", "DIRECTX")
+    (coordinates,) = [n for n in plane.active_material.node_tree.nodes if n.bl_idname == "ShaderNodeUVMap"]
+    assert coordinates.uv_map == "Second"
+    # The group of the first map has no user any more.
+    assert [g.get("glint_image") for g in bpy.data.node_groups if "glint_interpolation" in g] == [group["glint_image"]]
+
+
+def test_a_glint_node_added_from_the_menu_gets_its_map(plane, flake_map):
+    material = bpy.data.materials.new("Shader")
+    plane.data.materials.append(material)
+    with shader_editor(material.node_tree):
+        bpy.ops.glint.add_node_group(group="Glint BSDF")
+    assert not is_glint_material(material)
+    bpy.context.scene.glint.normal_map = bpy.data.images.load(str(flake_map))
+    bpy.ops.glint.change_map()
+    assert glint_groups(material)[0]["glint_image"].name == "flakes.png"
+
+
+def test_changing_to_a_missing_file_changes_nothing(plane, flake_map, tmp_path):
+    bpy.ops.glint.add_material(filepath=str(flake_map))
+    assert "gone.png does not exist" in refused(bpy.ops.glint.change_map, filepath=str(tmp_path / "gone.png"))
+
+
+def test_changing_the_map_is_greyed_out_without_a_glint_node(plane):
+    assert "Select an object with a Glint material" in greyed(bpy.ops.glint.change_map)
+    plane.data.materials.append(bpy.data.materials.new("Plain"))
+    assert "Plain has no Glint BSDF node" in greyed(bpy.ops.glint.change_map)
 
 
 def test_preparing_is_greyed_out_without_a_glint_material(plane):

@@ -4,6 +4,7 @@ import bpy
 
 from .add_material import GLINT_FH_normal_map, GLINT_OT_add_material
 from .add_node_group import GLINT_OT_add_node_group
+from .change_map import GLINT_OT_change_map
 from .prepare import GLINT_OT_prepare
 from .scene_state import GLINT_PG_line, GLINT_PG_scene
 
@@ -11,6 +12,7 @@ classes = (
     GLINT_PG_line,
     GLINT_PG_scene,
     GLINT_OT_add_material,
+    GLINT_OT_change_map,
     GLINT_OT_prepare,
     GLINT_OT_add_node_group,
     GLINT_FH_normal_map,

@@ -78,20 +78,18 @@ class MapSettings:
 
 
 @contextmanager
-def read_as_data(normal_map):
-    """Set an image that nothing else uses to Non-Color, as normal maps are; undone if the block fails.
+def read_as_data(normal_map, scene):
+    """Set an image that only the pick of `scene` uses to Non-Color, as normal maps are; undone if the block fails.
 
     Blender opens every file as colour. An image that is in use elsewhere is left as it is.
     """
     settings, before = None, ""
-    # The pick itself is one user. A file that cannot be read has no size, and no colour space to set.
-    if (
-        isinstance(normal_map, bpy.types.Image)
-        and normal_map.users <= 1 + normal_map.use_fake_user
-        and normal_map.size[0]
-    ):
-        settings = normal_map.colorspace_settings
-        before, settings.name = settings.name, "Non-Color"
+    if isinstance(normal_map, bpy.types.Image):
+        idle_users = (normal_map == scene.glint.normal_map) + normal_map.use_fake_user
+        # A file that cannot be read has no size, and no colour space to set.
+        if normal_map.users <= idle_users and normal_map.size[0]:
+            settings = normal_map.colorspace_settings
+            before, settings.name = settings.name, "Non-Color"
     try:
         yield
     except GlintError:

@@ -47,7 +47,7 @@ class GLINT_OT_prepare(FailsSoftly, bpy.types.Operator):
 
 def has_glint_groups() -> bool:
     """Whether a Glint map group is in the file; asked at every redraw, so it looks at node groups only."""
-    return any("glint_image" in group for group in bpy.data.node_groups)
+    return any(group.get("glint_image") is not None for group in bpy.data.node_groups)
 
 
 def summary(report: dict) -> str:

@@ -2,8 +2,19 @@
 
 import bpy
 
+from ..operators.change_map import glint_nodes
 from ..operators.prepare import has_glint_groups
 from .text import draw_sentence
+
+# How the panel writes the values that a Glint BSDF group keeps.
+WORDS = {
+    "BECKMANN": "Beckmann",
+    "GGX": "GGX",
+    "LINEAR": "Linear",
+    "CLOSEST": "Closest",
+    "OPENGL": "OpenGL",
+    "DIRECTX": "DirectX",
+}
 
 
 class GlintPanel:
@@ -25,13 +36,9 @@ class GLINT_PT_material(GlintPanel, bpy.types.Panel):
         return context.object is not None or context.material is not None
 
     def draw(self, context):
-        from ..material import is_glint_material
-
         layout = self.layout
-        if context.material is not None and is_glint_material(context.material):
-            draw_maps(layout, context)
-        else:
-            draw_picker(layout, context)
+        draw_maps(layout, context)
+        draw_picker(layout, context, "glint.change_map" if glint_nodes(context.material) else "glint.add_material")
         layout.operator("glint.prepare", icon="FILE_REFRESH")
         if has_glint_groups():
             draw_state(layout, context)
@@ -82,25 +89,27 @@ class GLINT_PT_tables(PreparedPanel, bpy.types.Panel):
             draw_sentence(layout, context, f"In {bpy.path.native_pathsep(folder_of(state.tables[0].name))}")
 
 
-def draw_picker(layout, context):
-    """Pick a normal map and add the material."""
+def draw_picker(layout, context, operator):
+    """Pick a normal map and use it."""
     column = layout.column()
-    column.label(text="Normal Map:")
-    column.template_ID(context.scene.glint, "normal_map", open="image.open")
-    column.operator("glint.add_material", icon="MATERIAL")
+    column.template_ID(context.scene.glint, "normal_map", text="Normal Map", open="image.open")
+    column.operator(operator, icon="MATERIAL" if operator == "glint.add_material" else "TEXTURE")
 
 
 def draw_maps(layout, context):
     """Say which maps the material uses and how."""
     from ..material import glint_groups
 
-    for group in glint_groups(context.material):
+    without_map = [node.node_tree for node in glint_nodes(context.material) if not node.node_tree.get("glint_image")]
+    for group in (*glint_groups(context.material), *dict.fromkeys(without_map)):
         image = group.get("glint_image")
         column = layout.box().column(align=True)
-        column.label(text=image.name if image else "Normal map is missing", icon="IMAGE_DATA" if image else "ERROR")
-        words = [str(group.get(f"glint_{key}", "")).title() for key in ("distribution", "interpolation")]
-        convention = {"OPENGL": "OpenGL", "DIRECTX": "DirectX"}.get(group.get("glint_convention"), "")
-        column.label(text=", ".join(word for word in (*words, convention) if word), icon="BLANK1")
+        if image is None:
+            column.label(text="No normal map: pick one below", icon="ERROR")
+            continue
+        column.label(text=image.name, icon="IMAGE_DATA")
+        words = [WORDS[group[f"glint_{key}"]] for key in ("distribution", "interpolation", "convention")]
+        column.label(text=", ".join(words), icon="BLANK1")
         table = group.get("glint_table", "")
         if table:
             column.label(text=bpy.path.basename(table), icon="FILE_CACHE")

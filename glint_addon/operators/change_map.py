@@ -1,0 +1,93 @@
+"""Give the Glint BSDF nodes of the active material another normal map, or read the same one another way."""
+
+import bpy
+
+from .failing_softly import FailsSoftly
+from .map_settings import MapSettings, check_uv_map, read_as_data
+
+
+class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
+    """Choose the normal map of this material's Glint BSDF, and how it is read"""
+
+    bl_idname = "glint.change_map"
+    bl_label = "Change Normal Map"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        material = active_material(context)
+        if material is None:
+            cls.poll_message_set("Select an object with a Glint material")
+        elif not material.is_editable:
+            cls.poll_message_set(f"{material.name} is linked from another file: make it local first")
+        elif not glint_nodes(material):
+            cls.poll_message_set(f"{material.name} has no Glint BSDF node: add one, or add a Glint material")
+        else:
+            return True
+        return False
+
+    def invoke(self, context, event):
+        """Start from what the material has now, or the image picked in the panel, and ask."""
+        group = glint_nodes(active_material(context))[0].node_tree
+        for name in ("interpolation", "convention", "distribution", "uv_map"):
+            setattr(self, name, group[f"glint_{name}"])
+        image = context.scene.glint.normal_map or group.get("glint_image")
+        self.image = image.name if image is not None else ""
+        return context.window_manager.invoke_props_dialog(self, width=350)
+
+    def run(self, context):
+        """Let every Glint BSDF node of the material use the group that reads the chosen map."""
+        from ..material import bound_group
+
+        material = active_material(context)
+        if context.object is not None:
+            check_uv_map(context.object, self.uv_map, context)
+        normal_map = self.chosen_map(context)
+        with read_as_data(normal_map, context.scene):
+            group = bound_group(
+                normal_map,
+                interpolation=self.interpolation,
+                convention=self.convention,
+                distribution=self.distribution,
+                uv_map=self.uv_map,
+            )
+        for node in glint_nodes(material):
+            left, node.node_tree = node.node_tree, group
+            follow_uv_map(node, self.uv_map)
+            if left.users == 0:
+                bpy.data.node_groups.remove(left)
+        # The pick is spent, as after adding a material.
+        context.scene.glint.normal_map = None
+        self.report({"INFO"}, f'"{material.name}" reads another map: press Prepare Glints before rendering')
+        return {"FINISHED"}
+
+    def draw(self, context):
+        """The dialog, and the Adjust Last Operation panel."""
+        self.layout.use_property_split = True
+        self.layout.prop_search(self, "image", bpy.data, "images", text="Normal Map")
+        self.draw_map(context)
+
+
+def active_material(context):
+    """The material shown in the Properties editor, else the active object's."""
+    shown = getattr(context, "material", None)
+    if shown is None and context.object is not None:
+        shown = context.object.active_material
+    return shown
+
+
+def glint_nodes(material) -> list:
+    """Nodes of the material's own tree that are a Glint BSDF, with or without a map."""
+    from ..nodes.glint_bsdf import is_glint_group
+
+    if material is None or material.node_tree is None:
+        return []
+    groups = (node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup")
+    return [node for node in groups if is_glint_group(node.node_tree)]
+
+
+def follow_uv_map(node, uv_map: str):
+    """Let the UV Map node that feeds `node`, if there is one, read the UV map of the tangents."""
+    for link in node.inputs["Vector"].links:
+        if link.from_node.bl_idname == "ShaderNodeUVMap":
+            link.from_node.uv_map = uv_map

@@ -1,0 +1,190 @@
+"""The panel: what it says for each state of the file, and that drawing reads no file and changes no data."""
+
+import sys
+from types import SimpleNamespace
+
+import bpy
+import pytest
+
+from glint_addon.nodes import GROUPS
+from glint_addon.operators.scene_state import store_report
+from glint_addon.ui import menus, text
+from glint_addon.ui.panel import GLINT_PT_lights, GLINT_PT_material, GLINT_PT_tables
+from tests.helpers import cycles
+from tests.helpers.extension import data_names, write_flake_map
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+REPORT = {
+    "hints": ["Sun"],
+    "skipped_lights": [["Lamp", "it is too large for glints"]],
+    "baked": ["/somewhere/glint_tables/new.exr"],
+    "reused": ["/somewhere/glint_tables/old.exr"],
+    "osl": True,
+    "device": "CPU",
+    "warnings": ["Simplify limits the texture size."],
+}
+# Without a window Blender's own interface scale is 0.
+SCREEN = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
+
+_opened = []
+_listening = []
+# Python cannot take an audit hook away again, so it stays for the run and listens only while asked to.
+sys.addaudithook(lambda event, args: _opened.append((event, args)) if _listening and is_disk(event) else None)
+
+
+def is_disk(event: str) -> bool:
+    """Whether an audit event is about files."""
+    return event == "open" or event.startswith(("os.", "shutil.", "tempfile."))
+
+
+class Layout:
+    """Stands in for Blender's layout: takes the same calls and keeps what would be seen."""
+
+    def __init__(self, seen=None):
+        self.seen = [] if seen is None else seen
+
+    def column(self, **_settings):
+        return Layout(self.seen)
+
+    row = box = column
+
+    def separator(self, **_settings):
+        pass
+
+    def label(self, *, text="", icon="NONE"):
+        assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items, icon
+        self.seen.append(text)
+
+    def operator(self, name, *, text="", icon="NONE"):
+        self.seen.append(f"[{text or name}]")
+        return SimpleNamespace()
+
+    def template_ID(self, data, name, **_settings):  # noqa: N802  (Blender's name)
+        assert hasattr(data, name)
+        self.seen.append(f"<{name}>")
+
+
+def drawn(panel, *, width=400) -> list[str]:
+    """What `panel` shows in a region `width` pixels wide; drawing must touch neither disk nor data."""
+    context = SimpleNamespace(
+        scene=bpy.context.scene,
+        object=bpy.context.object,
+        material=bpy.context.object.active_material if bpy.context.object else None,
+        region=SimpleNamespace(width=width),
+        preferences=SCREEN,
+    )
+    layout = Layout()
+    panel.draw(SimpleNamespace(layout=layout), context)  # imports what it needs
+    layout.seen.clear()
+    before = data_names()
+    _opened.clear()
+    _listening.append(True)
+    try:
+        panel.draw(SimpleNamespace(layout=layout), context)
+    finally:
+        _listening.clear()
+    assert not _opened and data_names() == before
+    return layout.seen
+
+
+@pytest.fixture
+def plane(scene):
+    """The active object, without a material."""
+    thing = cycles.add_plane(bpy.context.scene)
+    bpy.context.view_layer.objects.active = thing
+    return thing
+
+
+@pytest.fixture
+def glinting(plane, tmp_path):
+    """The active object with a Glint material."""
+    bpy.ops.glint.add_material(filepath=str(write_flake_map(tmp_path / "flakes.png")), interpolation="CLOSEST")
+    return plane
+
+
+def test_without_a_glint_material_the_panel_asks_for_a_map(plane):
+    assert drawn(GLINT_PT_material) == ["<normal_map>", "[glint.add_material]", "[glint.prepare]"]
+
+
+def test_before_preparing_the_panel_says_so(glinting):
+    seen = drawn(GLINT_PT_material)
+    assert seen[:3] == ["flakes.png", "Beckmann, Closest, OpenGL", "Not prepared yet"]
+    assert "[glint.change_map]" in seen and "[glint.add_material]" not in seen
+    assert any(line.startswith("This scene is not prepared") for line in seen)
+
+
+def test_after_preparing_the_panel_names_the_table_osl_and_device(glinting):
+    bpy.ops.glint.prepare()
+    seen = drawn(GLINT_PT_material)
+    assert seen[2].endswith(".exr") and "OSL on, CPU" in seen
+    assert "Not prepared yet" not in seen
+
+
+def test_the_panel_shows_every_part_of_the_report(glinting):
+    store_report(bpy.context.scene, REPORT)
+    assert "Simplify limits the texture size." in drawn(GLINT_PT_material)
+    lights = drawn(GLINT_PT_lights)
+    assert "Sun" in lights and "Lamp: it is too large for glints" in lights
+    tables = drawn(GLINT_PT_tables)
+    assert "new.exr (baked)" in tables and "old.exr (reused)" in tables
+
+
+def test_a_new_report_replaces_the_old_one(glinting):
+    store_report(bpy.context.scene, REPORT)
+    store_report(bpy.context.scene, {**REPORT, "hints": [], "warnings": [], "baked": [], "reused": []})
+    assert not bpy.context.scene.glint.warnings
+    assert "No light makes glints" in drawn(GLINT_PT_lights)[0]
+    assert drawn(GLINT_PT_tables) == ["No table is needed"]
+
+
+def test_the_report_panels_wait_for_the_first_preparation(glinting):
+    for panel in (GLINT_PT_lights, GLINT_PT_tables):
+        assert not panel.poll(bpy.context)
+    store_report(bpy.context.scene, REPORT)
+    for panel in (GLINT_PT_lights, GLINT_PT_tables):
+        assert panel.poll(bpy.context)
+
+
+def test_another_render_engine_is_named_as_the_reason(glinting):
+    bpy.context.scene.render.engine = "BLENDER_EEVEE"
+    assert any("Glints need Cycles" in line for line in drawn(GLINT_PT_material))
+
+
+def test_a_glint_node_without_a_map_asks_for_one(glinting):
+    bpy.data.images.remove(bpy.data.images["flakes.png"])
+    assert "No normal map: pick one below" in drawn(GLINT_PT_material)[0]
+
+
+def test_the_report_is_saved_with_the_file(glinting, tmp_path):
+    store_report(bpy.context.scene, REPORT)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert [line.name for line in bpy.context.scene.glint.hints] == ["Sun"]
+
+
+def test_long_sentences_are_wrapped_to_the_width_of_the_panel(glinting):
+    sentence = "The GPU backend has no Open Shading Language: choose CPU or OptiX to render glints."
+    store_report(bpy.context.scene, {**REPORT, "warnings": [sentence]})
+    for width in (250, 400, 900):
+        seen = drawn(GLINT_PT_material, width=width)
+        lines = seen[seen.index("OSL on, CPU") + 1 :]
+        assert " ".join(lines) == sentence
+        limit = text.line_length(SimpleNamespace(region=SimpleNamespace(width=width), preferences=SCREEN))
+        assert max(map(len, lines)) <= limit
+    assert len(lines) == 1
+
+
+def test_every_group_is_in_exactly_one_add_menu(scene):
+    layout = Layout()
+    for draw in (menus.draw_shaders, menus.draw_textures):
+        draw(SimpleNamespace(layout=layout), bpy.context)
+    assert sorted(layout.seen) == sorted(f"[{name}]" for name in GROUPS)
+
+
+def test_bsdfs_are_in_the_shader_menu_and_textures_in_the_texture_menu(scene):
+    shaders, textures = Layout(), Layout()
+    menus.draw_shaders(SimpleNamespace(layout=shaders), bpy.context)
+    menus.draw_textures(SimpleNamespace(layout=textures), bpy.context)
+    assert "[Glint BSDF]" in shaders.seen and "[Glint Image Texture]" in textures.seen
