@@ -57,13 +57,23 @@ def prepare_scene(scene, progress=None) -> dict:
 def scene_glint_groups(scene) -> list[bpy.types.ShaderNodeTree]:
     """Glint BSDF groups with a map on objects that `scene` renders; each once, by name."""
     groups = {}
-    for obj in scene.objects:
-        if obj.hide_render:
-            continue
+    for obj in _rendered_objects(scene.objects, set()):
         for slot in obj.material_slots:
             for group in glint_groups(slot.material):
                 groups[group.name_full] = group
     return [groups[name] for name in sorted(groups)]
+
+
+def _rendered_objects(objects, seen: set):
+    """Those of `objects` that are rendered, and those that collection instances among them show."""
+    for obj in objects:
+        if obj.hide_render:
+            continue
+        yield obj
+        shown = obj.instance_collection if obj.instance_type == "COLLECTION" else None
+        if shown is not None and shown not in seen:
+            seen.add(shown)
+            yield from _rendered_objects(shown.all_objects, seen)
 
 
 def _table(group, folder: Path, report: dict):
@@ -72,10 +82,11 @@ def _table(group, folder: Path, report: dict):
     stamp = image_stamp(image)
     path = Path(group["glint_table"]) if group["glint_table"] else None
     same_file = stamp != "" and stamp == group.get("glint_source", "")
-    if same_file and path is not None and path.is_file() and path.parent == folder:
-        # Same file as last time: do not even read its pixels.
+    # Same file as last time: do not even read its pixels. Missing file: a warning says so, its table is still here.
+    if path is not None and path.is_file() and (same_file and path.parent == folder or _is_missing(image)):
         report["reused"].append(str(path))
-        return stamp, (str(path), group["glint_size"], group["glint_slope_low"], group["glint_slope_high"])
+        known = (str(path), group["glint_size"], group["glint_slope_low"], group["glint_slope_high"])
+        return group["glint_source"], known
     if stamp and not same_file:
         image.reload()  # Blender may still hold the pixels of an older file
     binding = glint_bsdf.group_binding(group)
@@ -94,6 +105,11 @@ def _remember(group, stamp, path, size, slope_low, slope_high):
     group["glint_slope_high"] = slope_high
 
 
+def _is_missing(image) -> bool:
+    """Whether neither the file nor the pixels of `image` are to be had."""
+    return image.source == "FILE" and image_stamp(image) == "" and 0 in image.size[:]
+
+
 def _device(scene) -> str:
     return scene.cycles.device if hasattr(scene, "cycles") else "CPU"
 
@@ -110,7 +126,7 @@ def _warnings(scene, groups) -> list[str]:
         warnings.append("Simplify limits texture sizes, which garbles the glint tables: set its limit to No Limit.")
     for group in groups:
         image = group["glint_image"]
-        if 0 in image.size[:]:
+        if _is_missing(image):
             warnings.append(f'The normal map "{image.name}" is missing: find it with File > External Data.')
     return warnings
 

@@ -1,0 +1,151 @@
+"""Pictures of prepared scenes: the same without the add-on; without a whole table those of Blender's own nodes."""
+
+import subprocess
+import sys
+
+import bpy
+import numpy as np
+import pytest
+
+from glint_addon import create_glint_material, prepare_scene
+from glint_addon.material import glint_groups
+from glint_addon.nodes import glint_bsdf
+from tests.helpers import cycles
+from tests.helpers.extension import write_flake_map
+
+SIZE = 32
+MAP_SIDE = 192  # texels; its table is 256 wide, which the smallest limit of Simplify that we use (128) halves
+ROUGHNESS = 0.2
+ROUNDING = 1e-4  # relative to the brightest pixel: the same arithmetic in OSL and in Blender's own nodes
+
+RENDER_ALONE = """
+import sys, bpy
+blend, picture = sys.argv[1:]
+bpy.ops.wm.open_mainfile(filepath=blend)
+scene = bpy.context.scene
+scene.render.filepath = picture
+bpy.ops.render.render(write_still=True)
+assert not any("glint_addon" in name for name in sys.modules)
+"""
+
+
+@pytest.fixture
+def flake_map(scene, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    return write_flake_map(tmp_path / "flakes.png", MAP_SIDE)
+
+
+@pytest.fixture
+def plane(scene, flake_map):
+    """Glints of a sharp sun, a few texels a pixel."""
+    scene = bpy.context.scene
+    scene.cycles.samples = 4
+    cycles.add_camera(scene, (0, -2, 2), angle=0.6)
+    cycles.add_sun(scene, (0.05, 1, 1), angle=0.02)
+    material = create_glint_material("Sparkle", flake_map, roughness=ROUGHNESS)
+    return cycles.add_plane(scene, 3.0, material=material)
+
+
+def native_material(flake_map):
+    """Image Texture -> Normal Map -> Glossy BSDF, built here and not by the add-on."""
+    material = bpy.data.materials.new("Native")
+    tree = material.node_tree
+    tree.nodes.clear()
+    texture, normal_map, glossy, output = (
+        tree.nodes.new(kind) for kind in
+        ("ShaderNodeTexImage", "ShaderNodeNormalMap", "ShaderNodeBsdfAnisotropic", "ShaderNodeOutputMaterial")
+    )
+    texture.image = bpy.data.images["flakes.png"]
+    glossy.distribution = "BECKMANN"
+    glossy.inputs["Roughness"].default_value = ROUGHNESS
+    glossy.inputs["Color"].default_value = (1, 1, 1, 1)
+    tree.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
+    tree.links.new(normal_map.outputs["Normal"], glossy.inputs["Normal"])
+    tree.links.new(glossy.outputs["BSDF"], output.inputs["Surface"])
+    return material
+
+
+def native_picture(plane, flake_map):
+    """The same scene with Blender's own nodes."""
+    own = plane.material_slots[0].material
+    plane.material_slots[0].material = native_material(flake_map)
+    picture = cycles.rendered(bpy.context.scene)[..., :3]
+    plane.material_slots[0].material = own
+    return picture
+
+
+def prepared(plane):
+    """Prepare the scene; returns the shader's sockets and the picture."""
+    scene = bpy.context.scene
+    prepare_scene(scene)
+    (group,) = glint_groups(plane.material_slots[0].material)
+    return group.nodes[glint_bsdf.SCRIPT_NODE].inputs, cycles.rendered(scene)[..., :3]
+
+
+def assert_same(picture, other):
+    difference = np.abs(picture - other).max()
+    assert difference <= ROUNDING * other.max(), f"largest difference {difference} of {other.max()}"
+
+
+def assert_different(picture, other):
+    """A tenth of the pixels changes by a tenth of the mean: the lobe is at work, or sameness would say nothing."""
+    assert (np.abs(picture - other) > 0.1 * other.mean()).mean() > 0.1
+
+
+def test_before_it_is_prepared_a_material_is_blenders_own_nodes(plane, flake_map):
+    scene = bpy.context.scene
+    assert_same(cycles.rendered(scene)[..., :3], native_picture(plane, flake_map))
+
+
+def test_a_deleted_table_leaves_blenders_own_nodes(plane, flake_map, tmp_path):
+    _, with_table = prepared(plane)
+    native = native_picture(plane, flake_map)
+    assert_different(with_table, native)
+    (table,) = (tmp_path / "glint_tables").iterdir()
+    table.unlink()
+    assert_same(cycles.rendered(bpy.context.scene)[..., :3], native)
+
+
+@pytest.mark.parametrize("damage", ["empty", "text", "cut", "other"])
+def test_a_damaged_table_leaves_blenders_own_nodes(plane, flake_map, tmp_path, damage):
+    prepared(plane)
+    (table,) = (tmp_path / "glint_tables").iterdir()
+    content = {"empty": b"", "text": b"no table", "cut": table.read_bytes()[:500], "other": flake_map.read_bytes()}
+    table.write_bytes(content[damage])
+    assert_same(cycles.rendered(bpy.context.scene)[..., :3], native_picture(plane, flake_map))
+
+
+@pytest.mark.parametrize("limit", ["128", "256", "512"])
+def test_a_texture_size_limit_leaves_blenders_own_nodes_or_a_whole_table(plane, flake_map, limit):
+    scene = bpy.context.scene
+    _, with_table = prepared(plane)
+    scene.render.use_simplify = True
+    scene.cycles.texture_limit_render = limit
+    limited = cycles.rendered(scene)[..., :3]
+    if int(limit) >= 512:
+        # Larger than both sides of the table (256 x 512): nothing is shrunk.
+        np.testing.assert_array_equal(limited, with_table)
+    else:
+        # Blender shrinks its own normal map as well.
+        assert_same(limited, native_picture(plane, flake_map))
+        assert_different(limited, with_table)
+
+
+def test_without_osl_a_material_is_blenders_own_nodes(plane, flake_map):
+    scene = bpy.context.scene
+    prepared(plane)
+    scene.cycles.shading_system = False
+    assert_same(cycles.rendered(scene)[..., :3], native_picture(plane, flake_map))
+
+
+def test_a_saved_file_renders_the_same_pixels_where_the_addon_is_not_installed(plane, tmp_path):
+    scene = bpy.context.scene
+    sockets, picture = prepared(plane)
+    blend, file = tmp_path / "scene.blend", tmp_path / "alone.exr"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    result = subprocess.run([sys.executable, "-c", RENDER_ALONE, str(blend), str(file)], cwd=tmp_path,
+                            capture_output=True, text=True, timeout=300, check=False)
+    assert result.returncode == 0, result.stderr + result.stdout
+    np.testing.assert_array_equal(cycles.read_image(file)[..., :3], picture)
+    assert picture.max() > 0 and scene.cycles.shading_system
+    assert sockets["Table"].default_value.startswith(str(tmp_path))
