@@ -120,8 +120,8 @@ def _warnings(scene, groups) -> list[str]:
         warnings.append("This Blender has no Open Shading Language: glints are rendered by its own nodes, with noise.")
     if scene.render.engine != "CYCLES":
         warnings.append(f"The render engine is {scene.render.engine}: choose Cycles to render glints.")
-    if _device(scene) == "GPU" and not _gpu_has_osl():
-        warnings.append("The GPU backend has no Open Shading Language: choose CPU or OptiX to render glints.")
+    if _device(scene) == "GPU":
+        warnings.append("On a GPU, OptiX or other, glints are rendered with the noise of Blender's own nodes: choose CPU.")
     if scene.render.use_simplify and getattr(scene.cycles, "texture_limit_render", "OFF") != "OFF":
         warnings.append("Simplify limits texture sizes, which garbles the glint tables: set its limit to No Limit.")
     for group in groups:
@@ -129,8 +129,3 @@ def _warnings(scene, groups) -> list[str]:
         if _is_missing(image):
             warnings.append(f'The normal map "{image.name}" is missing: find it with File > External Data.')
     return warnings
-
-
-def _gpu_has_osl() -> bool:
-    addon = bpy.context.preferences.addons.get("cycles")
-    return addon is not None and addon.preferences.compute_device_type == "OPTIX"

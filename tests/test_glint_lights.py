@@ -35,7 +35,7 @@ def test_the_group_has_no_inputs_and_two_vectors_for_each_light_and_the_samples(
     expected = []
     for slot in range(1, 9):
         expected += [(f"{name} {slot}", "OUTPUT", "NodeSocketVector") for name in ("Light", "Shape")]
-    assert items == [*expected, ("Samples", "OUTPUT", "NodeSocketFloat")]
+    assert items == [*expected, *((name, "OUTPUT", "NodeSocketFloat") for name in ("Samples", "Closures"))]
     assert all(item.description for item in group.interface.items_tree)
 
 
@@ -50,7 +50,7 @@ def test_building_twice_gives_the_same_group_and_the_menu_knows_it(scene):
     group = GROUPS[glint_lights.NAME]()
     drivers = len(group.animation_data.drivers)
     assert glint_lights.build() == group
-    assert len(group.animation_data.drivers) == drivers == 1
+    assert len(group.animation_data.drivers) == drivers == 2
     assert [tree.name for tree in bpy.data.node_groups] == ["Glint Lights"]
 
 
@@ -113,3 +113,14 @@ def test_cycles_sees_direction_and_half_angle_of_a_sun():
         cycles.add_sun(scene, (0.36, 0.48, 0.8), angle=0.02)
         connect_hints(glint_lights.build(), scene, scene_hints(scene)[0])
         assert shown(scene) == pytest.approx(expected, rel=RENDER_TOLERANCE)
+
+
+@pytest.mark.parametrize(("device", "closures"), [("CPU", 60.0), ("GPU", 0.0)])
+def test_closures_follow_the_device_because_a_gpu_drops_all_but_ten_in_silence(device, closures):
+    scene = cycles.empty_scene()
+    add_shown_output(scene, "Closures")
+    group = glint_lights.build()
+    scene.cycles.device = device
+    bpy.context.view_layer.update()
+    evaluated = group.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    assert evaluated.nodes["Closures"].outputs[0].default_value == closures

@@ -295,7 +295,9 @@ def test_disconnect_leaves_only_the_sample_count(stage):
     add_lamp(stage, "Lamp", location=(1, 2, 3))
     group = connected(stage)
     disconnect(group)
-    assert [curve.data_path for curve in group.animation_data.drivers] == ['nodes["Samples"].outputs[0].default_value']
+    assert [curve.data_path for curve in group.animation_data.drivers] == [
+        f'nodes["{name}"].outputs[0].default_value' for name in ("Samples", "Closures")
+    ]
     assert slot_values(group, 1) == [[0, 0, 0], [0, 0, 0]]
     disconnect(group)
 
@@ -306,7 +308,7 @@ def test_every_expression_is_evaluated_without_python(stage):
     for kind in ("POINT", "SPOT", "SUN"):
         add_lamp(stage, kind, kind)
     group = connected(stage)
-    assert len(group.animation_data.drivers) == 1 + 7 * 5
+    assert len(group.animation_data.drivers) == 2 + 7 * 5
     for curve in group.animation_data.drivers:
         assert curve.driver.is_simple_expression, curve.driver.expression
         assert curve.driver.is_valid

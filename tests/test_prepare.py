@@ -297,11 +297,10 @@ def test_a_texture_size_limit_is_warned_about_only_where_it_works(scene, plane):
     assert not warnings(scene)
 
 
-def test_a_gpu_without_osl_is_warned_about(scene, plane, monkeypatch):
-    scene.cycles.device = "GPU"
-    assert "OptiX" in warnings(scene)
-    monkeypatch.setattr("glint_addon.prepare._gpu_has_osl", lambda: True)
+def test_a_gpu_is_warned_about_because_it_holds_too_few_closures(scene, plane):
     assert not warnings(scene)
+    scene.cycles.device = "GPU"
+    assert "OptiX" in warnings(scene) and "choose CPU" in warnings(scene)
 
 
 def test_another_engine_is_warned_about(scene, plane):

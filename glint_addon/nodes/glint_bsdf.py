@@ -157,7 +157,8 @@ def _add_nodes(group, binding):
     links = [(source.outputs[name], script.inputs[name]) for name in ("Color", "Roughness", "Strength")]
     links.append((source.outputs["Vector"], script.inputs["UV"]))
     links.append((glossy, script.inputs["Fallback"]))
-    links.append((lights.outputs["Samples"], script.inputs["Samples"]))
+    for name in (glint_lights.SAMPLES, glint_lights.CLOSURES):
+        links.append((lights.outputs[name], script.inputs[name]))
     for index in range(1, glint_lights.HINT_COUNT + 1):
         links.append((lights.outputs[f"Light {index}"], script.inputs[f"Light{index}"]))
         links.append((lights.outputs[f"Shape {index}"], script.inputs[f"Shape{index}"]))

@@ -21,6 +21,7 @@ KIND_SUN = 1
 KIND_LOCAL = 2
 
 SAMPLES = "Samples"
+CLOSURES = "Closures"
 LIGHT_HELP = "Sun: unit vector towards the light, in world space. Other lights: position in world space, in metres"
 SHAPE_HELP = "X: 0 no light, 1 sun, 2 other light. Y: half-angle of a sun in radians, radius of other lights in metres"
 
@@ -34,6 +35,10 @@ SAMPLE_COUNT = Driven(
         Variable("layer", "CONTEXT_PROP", "ACTIVE_VIEW_LAYER", "samples"),
     ),
 )
+
+# Closures a shading point may return. On the CPU Cycles keeps 64; on a GPU its pool holds about ten and drops the rest
+# in silence, which would darken the picture: there the lobe stays out, and Blender's own answer is rendered.
+CLOSURE_COUNT = Driven("60 if device < 1 else 0", (Variable("device", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.device"),))
 
 
 def light_name(slot: int) -> str:
@@ -65,13 +70,15 @@ def _add_outputs(group):
         builder.add_output(group, light_name(slot), "NodeSocketVector", help=LIGHT_HELP)
         builder.add_output(group, shape_name(slot), "NodeSocketVector", help=SHAPE_HELP)
     builder.add_output(group, SAMPLES, "NodeSocketFloat", help="Samples a pixel of the render under way")
+    builder.add_output(group, CLOSURES, "NodeSocketFloat", help="Closures that a glint may use: 60 on the CPU, 0 on a GPU")
 
 
 def _add_nodes(group):
     names = [name(slot) for slot in range(1, HINT_COUNT + 1) for name in (light_name, shape_name)]
     sources = {name: builder.add_node(group, "ShaderNodeCombineXYZ", name).outputs["Vector"] for name in names}
-    sources[SAMPLES] = builder.add_node(group, "ShaderNodeValue", SAMPLES).outputs["Value"]
-    write_number(sources[SAMPLES], SAMPLE_COUNT)
+    for name, number in ((SAMPLES, SAMPLE_COUNT), (CLOSURES, CLOSURE_COUNT)):
+        sources[name] = builder.add_node(group, "ShaderNodeValue", name).outputs["Value"]
+        write_number(sources[name], number)
 
     output = builder.add_node(group, "NodeGroupOutput")
     for name, source in sources.items():
