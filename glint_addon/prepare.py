@@ -121,7 +121,7 @@ def _warnings(scene, groups) -> list[str]:
     if scene.render.engine != "CYCLES":
         warnings.append(f"The render engine is {scene.render.engine}: choose Cycles to render glints.")
     if _device(scene) == "GPU":
-        warnings.append("On a GPU, OptiX or other, glints are rendered with the noise of Blender's own nodes: choose CPU.")
+        warnings.append("On a GPU, OptiX or other, glints have the noise of Blender's own nodes: choose CPU.")
     if scene.render.use_simplify and getattr(scene.cycles, "texture_limit_render", "OFF") != "OFF":
         warnings.append("Simplify limits texture sizes, which garbles the glint tables: set its limit to No Limit.")
     for group in groups:

@@ -38,7 +38,9 @@ SAMPLE_COUNT = Driven(
 
 # Closures a shading point may return. On the CPU Cycles keeps 64; on a GPU its pool holds about ten and drops the rest
 # in silence, which would darken the picture: there the lobe stays out, and Blender's own answer is rendered.
-CLOSURE_COUNT = Driven("60 if device < 1 else 0", (Variable("device", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.device"),))
+CLOSURE_COUNT = Driven(
+    "60 if device < 1 else 0", (Variable("device", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.device"),)
+)
 
 
 def light_name(slot: int) -> str:
@@ -70,7 +72,7 @@ def _add_outputs(group):
         builder.add_output(group, light_name(slot), "NodeSocketVector", help=LIGHT_HELP)
         builder.add_output(group, shape_name(slot), "NodeSocketVector", help=SHAPE_HELP)
     builder.add_output(group, SAMPLES, "NodeSocketFloat", help="Samples a pixel of the render under way")
-    builder.add_output(group, CLOSURES, "NodeSocketFloat", help="Closures that a glint may use: 60 on the CPU, 0 on a GPU")
+    builder.add_output(group, CLOSURES, "NodeSocketFloat", help="Closures a glint may use: 60 on CPU, 0 on GPU")
 
 
 def _add_nodes(group):
