@@ -92,7 +92,8 @@ class GLINT_PT_tables(PreparedPanel, bpy.types.Panel):
 def draw_picker(layout, context, operator):
     """Pick a normal map and use it."""
     column = layout.column()
-    column.template_ID(context.scene.glint, "normal_map", text="Normal Map", open="image.open")
+    column.label(text="Normal Map:")  # template_ID's own text would take half of the width
+    column.template_ID(context.scene.glint, "normal_map", open="image.open")
     column.operator(operator, icon="MATERIAL" if operator == "glint.add_material" else "TEXTURE")
 
 
