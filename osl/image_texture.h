@@ -4,11 +4,6 @@
 #define PYRAMID_BORDER 1
 #define PYRAMID_MAGIC_TOLERANCE 0.5
 
-/* One sample blurs the image by a Gaussian of FILTER_STD / samples^FILTER_EXPONENT pixels (standard deviation), so the
- * picture converges to the unfiltered truth. Values: least error against 4096 samples at 1 to 16 samples (README of the
- * tests; tests/test_image_texture.py repeats the measurement). */
-#define FILTER_STD 0.4
-#define FILTER_EXPONENT 0.25
 /* Standard deviation of a bilinear look-up among box means, in that level's texels: tent 1/6 + box 1/12. */
 #define TAP_STD 0.5
 #define MAX_ANISOTROPY 16.0

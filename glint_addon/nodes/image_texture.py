@@ -14,10 +14,8 @@ from pathlib import Path
 import bpy
 
 from .. import paths
-from ..bake import pyramid
 from ..errors import SceneError
 from . import builder, glint_lights, script_node
-from .blender_image import stored_image
 
 NAME = "Glint Image Texture"
 VERSION = 1
@@ -132,8 +130,12 @@ def _groups_with_mipmap():
 
 def _bake(script, image, folder) -> bool:
     """Bake the pyramid of `image` and point the Script node to it; whether a file was written."""
+    # Menus import this module when Blender starts; what bakes is loaded only to bake.
+    from ..bake.pyramid import bake_pyramid
+    from .blender_image import stored_image
+
     stored = stored_image(image)
-    path, written = pyramid.bake_pyramid(
+    path, written = bake_pyramid(
         stored.pixels,
         Path(folder) if folder is not None else paths.table_folder(bpy.data.filepath),
         encoded=stored.encoded,
