@@ -360,7 +360,7 @@ SELECTION_BODY = """
   HalfVector hints[8];
   hints[0].radius = in[0]; hints[1].radius = in[1];
   Selection s;
-  s.count = 0; s.merged = 0; s.grid = merge_grid(2);
+  s.count = 0; s.merged = 0; s.cells = hint_cells(2);
   int repeats = (int)in[2];
   for (int k = 0; k < 7 * repeats; ++k) {
     int e = 3 + 6 * (k % 7);
@@ -368,9 +368,8 @@ SELECTION_BODY = """
     select_element(s, hints, k % 2, in[e], scale * in[e + 1], scale * in[e + 2], in[e + 3], in[e + 4], in[e + 5]);
   }
   out[0] = s.merged; out[1] = s.count;
-  int cells = s.grid * s.grid;
-  for (int k = 0; k < (s.merged ? 2 * cells : s.count); ++k) {
-    int h = s.merged ? k / cells : s.hint[k];
+  for (int k = 0; k < (s.merged ? 2 * s.cells : s.count); ++k) {
+    int h = s.merged ? k / s.cells : s.hint[k];
     int o = 2 + 6 * h;
     if (s.merged) {
       out[o] += s.cell_weight[k]; out[o + 1] += s.cell_p1[k]; out[o + 2] += s.cell_p2[k];
@@ -416,18 +415,20 @@ def test_every_slope_of_a_region_has_a_cell_of_its_hint():
     rng = np.random.default_rng(10)
     hints = rng.integers(1, 9, ROWS)
     radius = rng.uniform(0.01, 0.8, ROWS)
-    slopes = rng.uniform(-1.1, 1.1, (ROWS, 2)) * radius[:, None]
+    slopes = rng.normal(size=(ROWS, 2)) * 0.6 * radius[:, None]
+    slopes[:4] = 0  # the middle of a region has a cell too
     inputs, (hints, hint, radius, slopes) = packed(hints, rng.integers(0, hints), radius, slopes)
     osl = evaluate(
         (*MAP_HEADERS, "selection.h"),
-        "out[0] = merge_grid((int)in[0]); out[1] = cell_index((int)out[0], (int)in[1], in[2], in[3], in[4]);",
+        "out[0] = hint_cells((int)in[0]); out[1] = cell_index((int)out[0], (int)in[1], in[2], in[3], in[4]);",
         inputs, 2,
     )
-    grid = np.array([selection.merge_grid(int(count)) for count in hints])
-    np.testing.assert_array_equal(osl[:, 0], grid)
-    assert (grid**2 * hints <= selection.CLOSURE_BUDGET).all() and set(grid) >= {2, 3, 4, 5, 6}
-    place = (slopes / radius[:, None] + 1) * 0.5 * grid[:, None]
-    clear = (np.abs(place - np.round(place)) > MARGIN).all(1)
+    # All hints' cells fit the budget, and no hint has a cell of another.
+    cells = osl[:, 0]
+    assert (cells * hints <= selection.CLOSURE_BUDGET).all() and (osl[:, 1] // cells == hint).all()
+    assert (osl[:4, 1] == hint[:4] * cells[:4]).all()
+
+    np.testing.assert_array_equal(cells, [selection.hint_cells(int(count)) for count in hints])
+    clear = selection.cell_margin(cells, radius, slopes) > MARGIN
     assert clear.mean() > 0.98
-    np.testing.assert_array_equal(osl[clear, 1], selection.cell_index(grid, hint, radius, slopes)[clear])
-    assert (osl[:, 1] // grid**2 == hint).all()
+    np.testing.assert_array_equal(osl[clear, 1], selection.cell_index(cells, hint, radius, slopes)[clear])

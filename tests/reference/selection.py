@@ -5,22 +5,46 @@ from __future__ import annotations
 import numpy as np
 
 CLOSURE_BUDGET = 60
-LARGEST_GRID = 6
+# Outer radius of each ring of cells, in radii of the region, and its sectors; by number of cells of a hint.
+RINGS = {
+    37: ((0.18, 1), (0.45, 6), (0.72, 12), (np.inf, 18)),
+    19: ((0.25, 1), (0.6, 6), (np.inf, 12)),
+    14: ((0.25, 1), (0.6, 5), (np.inf, 8)),
+    7: ((0.37, 1), (np.inf, 6)),
+}
 
 
-def merge_grid(hints):
-    """Cells a side so that the cells of all `hints` fit the budget."""
-    grid = 1
-    while grid < LARGEST_GRID and (grid + 1) ** 2 * max(hints, 1) <= CLOSURE_BUDGET:
-        grid += 1
-    return grid
+def hint_cells(hints):
+    """Cells of each of `hints` hints: the most that fit the budget of all."""
+    return next(cells for cells in sorted(RINGS, reverse=True) if cells * hints <= CLOSURE_BUDGET)
 
 
-def cell_index(grid, hint, radius, p):
-    """Cell of slopes p (n, 2) in the square of half-width `radius` (n,) around each hint's half vector."""
-    cell = np.clip(np.floor((p / np.asarray(radius)[..., None] + 1.0) * 0.5 * np.asarray(grid)[..., None]).astype(int),
-                   0, np.asarray(grid)[..., None] - 1)
-    return (hint * grid + cell[..., 1]) * grid + cell[..., 0]
+def cell_index(cells, hint, radius, p):
+    """Cell of slopes p (n, 2) in the rings of `cells` cells around each hint's half vector; region's `radius` (n,)."""
+    index = np.empty(len(p), int)
+    for row, slope in enumerate(p):
+        r = np.hypot(*slope) / radius[row]
+        turn = np.arctan2(slope[1], slope[0]) / (2 * np.pi) + 0.5
+        first = 0
+        for outer, sectors in RINGS[int(cells[row])]:
+            if r < outer:
+                index[row] = hint[row] * cells[row] + first + min(int(turn * sectors), sectors - 1)
+                break
+            first += sectors
+    return index
+
+
+def cell_margin(cells, radius, p):
+    """Distance (n,) of slopes from the nearest border between cells: in radii of the region, or in turns."""
+    margin = np.empty(len(p))
+    for row, slope in enumerate(p):
+        r = np.hypot(*slope) / radius[row]
+        turn = np.arctan2(slope[1], slope[0]) / (2 * np.pi) + 0.5
+        rings = RINGS[int(cells[row])]
+        sectors = next(sectors for outer, sectors in rings if r < outer)
+        border = abs(turn * sectors - round(turn * sectors)) / sectors if sectors > 1 else np.inf
+        margin[row] = min(border, *(abs(r - outer) for outer, _ in rings))
+    return margin
 
 
 def moments(weight, p, covariance):
