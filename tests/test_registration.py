@@ -10,7 +10,7 @@ import pytest
 import glint_addon
 
 ROOT = Path(__file__).resolve().parent.parent
-MENUS = ("NODE_MT_category_shader_shader", "NODE_MT_category_shader_texture")
+MENUS = ("NODE_MT_category_shader_input", "NODE_MT_category_shader_shader", "NODE_MT_category_shader_texture")
 
 
 def menu_entries() -> dict[str, list]:

@@ -1,8 +1,13 @@
-"""Entries in the Shader Editor's Add menu: BSDF groups under Shader, all others under Texture."""
+"""Entries in the Shader Editor's Add menu: BSDFs under Shader, lights under Input, all others under Texture."""
 
 import bpy
 
 from ..nodes import GROUPS
+
+
+def draw_inputs(menu, context):
+    """Add > Input."""
+    _draw(menu, [name for name in GROUPS if name.endswith("Lights")])
 
 
 def draw_shaders(menu, context):
@@ -12,7 +17,7 @@ def draw_shaders(menu, context):
 
 def draw_textures(menu, context):
     """Add > Texture."""
-    _draw(menu, [name for name in GROUPS if not name.endswith("BSDF")])
+    _draw(menu, [name for name in GROUPS if not name.endswith(("Lights", "BSDF"))])
 
 
 def _draw(menu, names):
@@ -27,6 +32,7 @@ def _draw(menu, names):
 
 def register():
     """Append the entries."""
+    bpy.types.NODE_MT_category_shader_input.append(draw_inputs)
     bpy.types.NODE_MT_category_shader_shader.append(draw_shaders)
     bpy.types.NODE_MT_category_shader_texture.append(draw_textures)
 
@@ -35,3 +41,4 @@ def unregister():
     """Remove the entries."""
     bpy.types.NODE_MT_category_shader_texture.remove(draw_textures)
     bpy.types.NODE_MT_category_shader_shader.remove(draw_shaders)
+    bpy.types.NODE_MT_category_shader_input.remove(draw_inputs)
