@@ -138,6 +138,16 @@ def test_without_osl_a_material_is_blenders_own_nodes(plane, flake_map):
     assert_same(cycles.rendered(scene)[..., :3], native_picture(plane, flake_map))
 
 
+@pytest.mark.parametrize("folder", ["with space", "scène – 光", "50% off #1", "<UDIM>"])
+def test_tables_are_read_whatever_their_folder_is_called(plane, tmp_path, folder):
+    _, picture = prepared(plane)
+    (tmp_path / folder).mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / folder / "scene.blend"))
+    sockets, moved = prepared(plane)
+    assert folder in sockets["Table"].default_value
+    np.testing.assert_array_equal(moved, picture)
+
+
 def test_a_saved_file_renders_the_same_pixels_where_the_addon_is_not_installed(plane, tmp_path):
     scene = bpy.context.scene
     sockets, picture = prepared(plane)

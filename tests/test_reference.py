@@ -167,6 +167,32 @@ def test_a_map_is_never_skipped_while_one_of_its_slopes_is_in_the_region(seed, w
 
 
 @SETTINGS
+@given(seeds, st.floats(0.02, 0.3), st.floats(0.0, 0.005), st.floats(0.0, 0.5))
+def test_a_patch_is_never_skipped_while_a_normal_of_it_is_in_the_region(seed, radius, turn, shear):
+    # turn: of the surface or the half vector from one texel to the next; a sphere 1200 texels around turns by 0.005.
+    rng = np.random.default_rng(seed)
+    count = 500
+    forms = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0] @ (np.eye(3) + shear * rng.normal(size=(3, 3)))
+    norms = np.linalg.norm(forms, axis=2)
+    growth = np.maximum(norms[:, 0], norms[:, 1]) + (radius + 0.1) * norms[:, 2]
+    shift = turn * rng.normal(size=(count, 2, 2))
+    hint = light_hint.HalfVector(None, None, forms, shift, np.full(count, radius), growth)
+    slopes = rng.normal(size=(count, 2)) * 2 * radius
+    centre = unit(np.linalg.solve(forms, np.c_[slopes, np.ones(count)][..., None])[..., 0])
+    patch = centre[:, None] + rng.choice([0.01, 0.1]) * rng.normal(size=(count, 4, 3))
+    u, v = rng.uniform(-5, 5, (2, count))
+    at = rng.random((2, count))
+
+    valid, corners, _ = normal_map.patch_slopes(hint, patch, u, v)
+    selected = normal_map.patch_slope(hint, corners, *at)[0] & (corners[..., 2] > 0).all(axis=1)
+    assert selected.any() and valid[selected].all()
+
+    middle = patch.mean(axis=1)
+    ball = np.linalg.norm(patch - middle[:, None], axis=2).max(axis=1)
+    assert light_hint.hint_reaches_ball(hint, middle, ball, u + 0.5, v + 0.5)[0][selected].all()
+
+
+@SETTINGS
 @given(seeds, st.sampled_from(sorted(cells.RINGS)), st.integers(2, 300))
 def test_cells_conserve_the_moments_of_their_elements(seed, number, count):
     rng = np.random.default_rng(seed)
