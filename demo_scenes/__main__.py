@@ -1,0 +1,82 @@
+"""`python -m demo_scenes`: render the demo pictures and print what was measured; see README.md beside this file."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from importlib import import_module
+from pathlib import Path
+
+FIGURES = ("constant_colour", "checker_sphere", "image_sphere", "glint_before_after")
+COMPARISONS = ("flakes_close", "flakes_far", "scratches_close", "brushed_far")
+
+
+def main(arguments=None) -> int:
+    """Command line; returns the exit code. The table goes to standard output, progress to standard error."""
+    options = _parser().parse_args(arguments)
+    names = options.only or (*FIGURES, *COMPARISONS)
+    out = Path(options.out)
+    _start_blender(out)
+    if options.renew_truth:
+        return _renew(options.renew_truth)
+
+    from . import report
+    from .comparison import compare
+    from .figure import draw_figure
+
+    rows = []
+    for name in names:
+        _say(f"Rendering {name}")
+        scene_module = import_module(f".{name}", __package__)
+        if name in COMPARISONS:
+            rows += compare(scene_module, out)
+        else:
+            draw_figure(scene_module, out)
+    if rows:
+        table = report.table(rows)
+        sys.stdout.write(table + "\n")
+        report.save(rows, out / "table.json")
+        if options.readme:
+            report.update_readme(table, out)
+    _say(f"Pictures are in {out}")
+    return 0
+
+
+def _parser():
+    known = (*FIGURES, *COMPARISONS)
+    parser = argparse.ArgumentParser(prog="python -m demo_scenes", description="Render the demo pictures of Glint.")
+    parser.add_argument("--only", metavar="NAME", nargs="+", choices=known, help=f"scenes: {', '.join(known)}")
+    parser.add_argument("--out", default="out", help="folder for pictures and table (default: out)")
+    parser.add_argument("--readme", action="store_true", help="also put table and pictures into README.md and docs")
+    parser.add_argument("--renew-truth", metavar="NAME", nargs="+", choices=COMPARISONS,
+                        help="render the stored truth of these scenes again (minutes each)")
+    return parser
+
+
+def _start_blender(out):
+    """Import Blender with a user folder of the demo's own, so that tables are not left in the user's."""
+    os.environ["BLENDER_USER_RESOURCES"] = str((out / "user").resolve())
+    import bpy  # noqa: F401  (before any other module of Blender)
+
+    import glint_addon
+
+    glint_addon.register()
+
+
+def _renew(names):
+    from .comparison import SIZE
+    from .stored_truth import renew_truth
+
+    for name in names:
+        truth = renew_truth(import_module(f".{name}", __package__), SIZE)
+        _say(f"Truth of {name}: {truth.spp} spp, its own noise {truth.noise:.3f}")
+    return 0
+
+
+def _say(text):
+    sys.stderr.write(text + "\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

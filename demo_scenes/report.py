@@ -1,0 +1,60 @@
+"""The demo's table: printed, stored as JSON, and put into the README's marked block."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import shutil
+from dataclasses import asdict
+from pathlib import Path
+
+import bpy
+
+ROOT = Path(__file__).resolve().parent.parent
+README = ROOT / "README.md"
+DOCS = ROOT / "docs"
+BEGIN, END = "<!-- demo table: begin -->", "<!-- demo table: end -->"
+DOCS_PICTURES = ("glint_before_after", "flakes_close", "flakes_far", "scratches_close", "brushed_far")
+
+
+def table(rows) -> str:
+    """A Markdown table of Measurements: seconds without start-up, error and bias relative to the truth's mean."""
+    lines = [
+        "| picture | method | spp | seconds | relative RMSE | bias |",
+        "| --- | --- | ---: | ---: | ---: | ---: |",
+    ]
+    for row in rows:
+        seconds = "stored" if math.isnan(row.seconds) else f"{row.seconds:.2f}"
+        bias = "" if math.isnan(row.seconds) else f"{row.bias:+.1%}"
+        lines.append(f"| {row.picture} | {row.method} | {row.spp} | {seconds} | {row.rmse:.3f} | {bias} |")
+    return "\n".join([*lines, "", machine()])
+
+
+def machine() -> str:
+    """One line: Blender's version, processor and threads, so that seconds can be judged."""
+    return f"Blender {bpy.app.version_string}, {os.cpu_count()} CPU cores ({platform.machine()})."
+
+
+def save(rows, file):
+    """Write the measurements as JSON; seconds of a stored truth are null."""
+    values = [{key: None if value != value else value for key, value in asdict(row).items()} for row in rows]
+    Path(file).write_text(json.dumps({"machine": machine(), "rows": values}, indent=1) + "\n", encoding="utf-8")
+
+
+def update_readme(text, out):
+    """Replace the README's marked block by `text` and copy the pictures it shows from `out` into docs/.
+
+    Raises ValueError if the README has no such block.
+    """
+    readme = README.read_text(encoding="utf-8")
+    if readme.count(BEGIN) != 1 or readme.count(END) != 1:
+        raise ValueError(f"{README.name} needs one block between {BEGIN} and {END}: put the marks back.")
+    before, rest = readme.split(BEGIN)
+    after = rest.split(END)[1]
+    README.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
+    DOCS.mkdir(exist_ok=True)
+    for name in DOCS_PICTURES:
+        if (out / f"{name}.png").is_file():
+            shutil.copy(out / f"{name}.png", DOCS / f"{name}.png")
