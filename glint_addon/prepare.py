@@ -29,6 +29,8 @@ def prepare_scene(scene, progress=None) -> dict:
     groups = scene_glint_groups(scene)
     report = {"hints": [], "skipped_lights": [], "baked": [], "reused": [], "osl": osl_available(),
               "device": _device(scene), "warnings": _warnings(scene, groups)}
+    # What is linked from another file cannot be changed here; a warning says so.
+    groups = [group for group in groups if group.library is None]
     if not groups:
         return report
 
@@ -126,6 +128,11 @@ def _warnings(scene, groups) -> list[str]:
         warnings.append("Simplify limits texture sizes, which garbles the glint tables: set its limit to No Limit.")
     for group in groups:
         image = group["glint_image"]
-        if _is_missing(image):
+        if group.library is not None:
+            warnings.append(
+                f'"{group.name}" is linked from {group.library.filepath} and keeps the noise of Blender\'s own nodes: '
+                "make it local with Object > Relations > Make Local > All."
+            )
+        elif _is_missing(image):
             warnings.append(f'The normal map "{image.name}" is missing: find it with File > External Data.')
     return warnings

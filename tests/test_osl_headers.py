@@ -112,12 +112,14 @@ def test_the_footprint_of_a_ray_cone():
     inputs, arguments = packed(*cones(rng, ROWS, 0.01))
     jacobian = inputs[:, 13:].reshape(-1, 2, 2).astype(float)
     inputs[:20, 13:] = 0  # no UV derivatives: no footprint
+    inputs[20:40, :6] = 0  # no ray cone: no footprint either
     for column, argument in zip(range(13, 17), arguments[5:], strict=True):
         argument[:20] = inputs[:20, column]
+    arguments[0][20:40] = arguments[1][20:40] = 0
     osl = evaluate(("footprint.h",), FOOTPRINT_BODY, inputs, 12).astype(float)
     valid, twin = footprint.ray_footprint(*arguments)
     np.testing.assert_array_equal(osl[:, 0] != 0, valid)
-    assert not valid[:20].any() and valid[20:].all()
+    assert not valid[:40].any() and valid[40:].all()
 
     # The determinant cancels by the condition of the UVs, the cosine by its own smallness.
     expected = np.stack([getattr(twin, name) for name in footprint.FIELDS], axis=1)[valid]

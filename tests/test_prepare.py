@@ -281,6 +281,59 @@ def test_a_material_linked_to_the_object_instead_of_its_mesh_is_found(scene, fla
     assert len(prepare_scene(scene)["baked"]) == 1
 
 
+def from_other_file(tmp_path, flake_map, *, link):
+    """A prepared scene, and in it "Guest", a plane with glints that were prepared in another file."""
+    guest = cycles.add_plane(bpy.context.scene, material=create_glint_material("Guest", flake_map))
+    guest.name = "Guest"
+    cycles.add_sun(bpy.context.scene, (1, 0, 1)).name = "Other sun"
+    (tmp_path / "other").mkdir()
+    file = tmp_path / "other" / "other.blend"
+    save(file)
+    prepare_scene(bpy.context.scene)
+    save(file)
+
+    scene = cycles.empty_scene()
+    save(tmp_path / "scene.blend")
+    cycles.add_sun(scene, (0, 0, 1))
+    cycles.add_plane(scene, material=create_glint_material("Own", flake_map, interpolation="CLOSEST"))
+    prepare_scene(scene)
+    with bpy.data.libraries.load(str(file), link=link) as (_, wanted):
+        wanted.objects = ["Guest"]
+    scene.collection.objects.link(bpy.data.objects["Guest"])
+    return scene, bpy.data.objects["Guest"]
+
+
+def test_glints_appended_from_another_file_get_a_table_here_and_the_lights_of_this_scene(scene, flake_map, tmp_path):
+    scene, guest = from_other_file(tmp_path, flake_map, link=False)
+    report = prepare_scene(scene)
+    group = group_of(guest)
+    assert report["hints"] == ["Sun"] and not report["warnings"]
+    assert shown_table(group) in report["baked"] and str(tmp_path / TABLE_FOLDER_NAME) in shown_table(group)
+    assert group.nodes[glint_bsdf.LIGHTS_NODE].node_tree == bpy.data.node_groups[glint_lights.NAME, None]
+
+
+def test_glints_linked_from_another_file_are_left_alone_and_warned_about(scene, flake_map, tmp_path):
+    scene, guest = from_other_file(tmp_path, flake_map, link=True)
+    table = shown_table(group_of(guest))
+    report = prepare_scene(scene)
+    assert len(report["reused"]) == 1 and not report["baked"] and shown_table(group_of(guest)) == table
+    (warning,) = report["warnings"]
+    assert "other.blend" in warning and "Make Local" in warning
+
+
+def test_a_file_moved_with_its_tables_bakes_nothing(scene, plane, blend, tmp_path):
+    prepare_scene(scene)
+    save(tmp_path / "scene.blend")
+    (tmp_path / "moved").mkdir()
+    for name in ("scene.blend", TABLE_FOLDER_NAME):
+        (tmp_path / name).rename(tmp_path / "moved" / name)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "moved" / "scene.blend"))
+    report = prepare_scene(bpy.context.scene)
+    (path,) = report["reused"]
+    assert not report["baked"] and str(tmp_path / "moved") in path
+    assert shown_table(group_of(bpy.data.objects["Mesh"])) == path
+
+
 # --- warnings and refusals ---
 
 

@@ -18,6 +18,7 @@ from .script_node import add_script_node, osl_available
 NAME = "Glint BSDF"
 VERSION = 1
 SCRIPT_NODE = "Glint"
+LIGHTS_NODE = "Lights"
 DISTRIBUTIONS = ("BECKMANN", "GGX")
 INTERPOLATIONS = ("LINEAR", "CLOSEST")
 CONVENTIONS = ("OPENGL", "DIRECTX")
@@ -86,9 +87,15 @@ def group_binding(group) -> MapBinding:
 
 
 def refresh(group):
-    """Rebuild the nodes of a group made by another version, or by a Blender without OSL; its sockets stay linked."""
+    """Rebuild the nodes of a group made by another version, or by a Blender without OSL; its sockets stay linked.
+
+    A group appended from another file brings that file's lights along: it reads this file's from now on.
+    """
     outdated = group[STAMP] != VERSION or (osl_available() and group.nodes.get(SCRIPT_NODE) is None)
     if not outdated:
+        lights = group.nodes.get(LIGHTS_NODE)
+        if lights is not None and lights.node_tree != glint_lights.build():
+            lights.node_tree = glint_lights.build()
         return
     group.nodes.clear()
     _add_nodes(group, group_binding(group))
@@ -145,7 +152,7 @@ def _add_nodes(group, binding):
         group.links.new(glossy, output.inputs["BSDF"])
         return
 
-    lights = add_node(group, "ShaderNodeGroup", "Lights", node_tree=glint_lights.build())
+    lights = add_node(group, "ShaderNodeGroup", LIGHTS_NODE, node_tree=glint_lights.build())
     prefix = f"{binding.uv_map}." if binding.uv_map else "geom:"
     for name, value in {
         "Linear": int(binding.interpolation == "LINEAR"),
