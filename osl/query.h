@@ -42,10 +42,17 @@ int query_mode(Footprint footprint)
   return footprint.area <= LARGEST_VISIT ? MODE_ALL : MODE_SUBSET;
 }
 
-/* Whether the texel normal n at a texel offset is selected by a hint, and its slope there. */
+/* Whether the texel normal n at a texel offset is selected by a hint, and its slope there. Divides only when it is. */
 int texel_slope(HalfVector hint, vector n, float offset_u, float offset_v, output float p1, output float p2)
 {
-  return hint_slope(hint, n, offset_u, offset_v, p1, p2) && p1 * p1 + p2 * p2 < hint.radius * hint.radius;
+  vector form = slope_forms(hint, n, offset_u, offset_v);
+  float reach = hint.radius * form[2];
+  if (!(form[2] > 0.0) || !(form[0] * form[0] + form[1] * form[1] < reach * reach)) {
+    return 0;
+  }
+  p1 = form[0] / form[2];
+  p2 = form[1] / form[2];
+  return 1;
 }
 
 /* Whether glint_query selects the element at the hit point (u, v) itself, for any hint: then it is not in the remainder.
