@@ -29,7 +29,7 @@ MAGIC = 5344.0  # exact in half floats; any number that no mean of alphas reache
 BORDER = 1  # texels around each level; bilinear interpolation looks no further
 VERSION = 1  # part of the file's name: raise it when the layout or the filter changes
 LARGEST_SIDE = 16384  # texels; a float atlas of that is 6 GB, more than OpenEXR readers are happy with
-CHUNK = 1 << 20  # texels decoded at a time, to keep temporary memory below 100 MB
+CHUNK = 1 << 16  # texels decoded at a time: they stay in the processor's cache, twice as fast as a million
 
 # Two-point Gauss-Legendre in each half of a texel: between texel centres the decoded signal is smooth, and two points
 # give the mean of v^2.4 over any such piece within 0.1 % of white.
@@ -78,18 +78,13 @@ def atlas_size(width: int, height: int) -> tuple[int, int]:
     return width + 2 * BORDER + right + 1, max(height + 2 * BORDER, sum(h + 2 * BORDER for _, h in sizes[1:]))
 
 
-def decoded_texels(stored: np.ndarray, associated: bool) -> np.ndarray:
-    """Linear, associated RGBA at each texel of an sRGB-encoded image `stored` as Cycles has it; shape kept."""
-    alpha = stored[..., 3:]
-    if not associated:
-        return np.concatenate([srgb_decoded(stored[..., :3]), alpha], axis=-1)
-    divisor = np.where(alpha == 0, np.float32(1), alpha)
-    return np.concatenate([srgb_decoded(stored[..., :3] / divisor) * divisor, alpha], axis=-1)
-
-
 def texel_means(stored: np.ndarray, associated: bool) -> np.ndarray:
-    """Mean over each texel's square of what Cycles shows of an encoded image: interpolated, then decoded (wrapped)."""
+    """Mean over each texel's square of what Cycles shows of an encoded image: interpolated, then decoded (wrapped).
+
+    Linear light, associated if the image is.
+    """
     height, width = stored.shape[:2]
+    has_alpha = associated and bool((stored[..., 3] != 1).any())
     means = np.empty_like(stored)
     rows = max(CHUNK // width, 1)
     for start in range(0, height, rows):
@@ -100,7 +95,11 @@ def texel_means(stored: np.ndarray, associated: bool) -> np.ndarray:
             along_y = near[0] * np.float32(1 - abs(dy)) + near[1 if dy > 0 else -1] * np.float32(abs(dy))
             for dx in MEAN_OFFSETS:
                 beside = np.roll(along_y, -1 if dx > 0 else 1, axis=1)
-                total += decoded_texels(along_y * np.float32(1 - abs(dx)) + beside * np.float32(abs(dx)), associated)
+                shown = along_y * np.float32(1 - abs(dx)) + beside * np.float32(abs(dx))
+                # Decode the straight colour.
+                divisor = np.where(shown[..., 3:] == 0, np.float32(1), shown[..., 3:]) if has_alpha else np.float32(1)
+                total[..., :3] += srgb_decoded(shown[..., :3] / divisor) * divisor
+                total[..., 3] += shown[..., 3]
         means[row] = total / np.float32(len(MEAN_OFFSETS) ** 2)
     return means
 
@@ -133,7 +132,7 @@ def halved(level: np.ndarray) -> np.ndarray:
         level = sum(level[rows[:, k]] * row_weights[:, k, None, None] for k in range(3))
         return sum(level[:, columns[:, k]] * column_weights[:, k, None] for k in range(3))
     roi = oiio.ROI(0, width // 2, 0, height // 2, 0, 1, 0, 4)
-    result = oiio.ImageBufAlgo.resize(oiio.ImageBuf(np.ascontiguousarray(level)), "box", 2.0, roi)
+    result = oiio.ImageBufAlgo.resize(oiio.ImageBuf(np.ascontiguousarray(level)), "box", 1.0, roi)
     if result.has_error:
         raise TableError(f"OpenImageIO cannot halve an image ({result.geterror()}): report this as a bug.")
     return np.asarray(result.get_pixels(oiio.FLOAT)).reshape(height // 2, width // 2, 4)
@@ -202,6 +201,7 @@ def _write_whole(path: Path, pixels: np.ndarray, half: bool):
         ) from error
     try:
         _write_image(temporary, pixels, half)
+        Path(temporary).chmod(0o644)  # mkstemp's 600 would keep other users' renders from reading it
         Path(temporary).replace(path)
     except OSError as error:
         raise TableError(f"Mip levels {path} cannot be written ({error.strerror}): free some disk space.") from error

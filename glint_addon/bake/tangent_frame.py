@@ -108,7 +108,7 @@ def tangent_to_world(frame: TangentFrame, normals, *, orthonormal=True) -> np.nd
 
 
 def object_to_world(normals, matrix) -> np.ndarray:
-    """Unit world-space normals of object-space `normals` (..., 3), by the inverse transpose of `matrix` (3x3 or 4x4)."""
+    """Unit world-space normals of object-space `normals` (..., 3), by the inverse transpose of `matrix` (3x3, 4x4)."""
     linear = np.asarray(matrix, dtype=np.float64)[:3, :3]
     return _unit(np.asarray(normals, dtype=np.float64) @ np.linalg.inv(linear))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -44,14 +45,18 @@ def stored_image(image: bpy.types.Image) -> StoredImage:
     is_data = image.colorspace_settings.is_data
     associated = not is_data and image.alpha_mode in ("STRAIGHT", "PREMUL")
     space = image.colorspace_settings.name
+    is_linear = space in (bpy.data.colorspace.working_space, "scene_linear")
     encoded = space == SRGB and bpy.data.colorspace.working_space == SRGB_LINEAR and cycles_keeps_encoding(image)
 
     # Blender gives bytes as they are, with straight alpha, and floats in scene-linear light, with associated alpha.
     if not image.is_float:
-        if not is_data and not encoded:
+        if not (is_data or encoded or is_linear):
             pixels[..., :3] = scene_linear(pixels[..., :3], space, image.name)
         if associated:
             pixels[..., :3] *= pixels[..., 3:]
+            if encoded or is_linear:
+                # Cycles multiplies bytes and drops the fraction; a hundredth of a step absorbs float32 rounding.
+                pixels[..., :3] = np.floor(pixels[..., :3] * 255 + np.float32(0.01)) / np.float32(255)
     elif encoded:
         alpha = np.where(associated & (pixels[..., 3:] != 0), pixels[..., 3:], np.float32(1))
         pixels[..., :3] = srgb_encoded(pixels[..., :3] / alpha) * alpha
@@ -87,9 +92,10 @@ def cycles_keeps_encoding(image: bpy.types.Image) -> bool:
 def scene_linear(colors: np.ndarray, space: str, name: str) -> np.ndarray:
     """`colors` (..., 3) of colour space `space` in Blender's working space, by OpenColorIO and Blender's own config."""
     ocio = imported("PyOpenColorIO")
-    file = os.environ.get("OCIO") or bpy.utils.system_resource("DATAFILES", path="colormanagement/config.ocio")
+    blenders = Path(bpy.utils.system_resource("DATAFILES")) / "colormanagement" / "config.ocio"
     try:
-        processor = ocio.Config.CreateFromFile(file).getProcessor(space, bpy.data.colorspace.working_space)
+        config = ocio.Config.CreateFromFile(os.environ.get("OCIO") or str(blenders))
+        processor = config.getProcessor(space, bpy.data.colorspace.working_space)
     except ocio.Exception as error:
         raise MapError(f'Image "{name}" cannot be converted from "{space}" ({error}): choose sRGB.') from error
     converted = np.array(colors, dtype=np.float32, order="C")

@@ -29,6 +29,7 @@ UP_AXES = {"Y": "Y", "Z": "Z"}
 
 NEAREST_NODE, BILINEAR_NODE, MIPMAP_NODE = "Image Nearest", "Image Bilinear", "Image Mipmap"
 UV_NODE, ROW_NODE = "UV Map", "Half a Row"
+PROBE = "Glint Alpha Probe"
 
 
 def build() -> bpy.types.ShaderNodeTree:
@@ -281,11 +282,34 @@ def _add_filters(group, inputs, vector):
         group.links.new(lights.outputs[glint_lights.SAMPLES], script.inputs["Samples"])
         active = builder.add_math(group, "MULTIPLY", 0.0, choice.outputs["Y"], label="Mipmap Active")
         group.links.new(script.outputs["Active"], active.node.inputs[0])
+        is_linked, probe_alpha = _add_alpha_probe(group)
+        group.links.new(is_linked, script.inputs["Straight"])
         color = _add_mix(group, "RGBA", active, color, script.outputs["Color"], "Mipmap Color")
-        alpha = _add_mix(group, "FLOAT", active, alpha, script.outputs["Alpha"], "Mipmap Alpha")
+        mixed = _add_mix(group, "FLOAT", active, alpha, script.outputs["Alpha"], "Mipmap Alpha")
+        alpha = builder.add_math(group, "MAXIMUM", mixed, probe_alpha, label="Alpha, Probe")
 
     output = builder.add_node(group, "NodeGroupOutput")
     color = _add_mix(group, "RGBA", choice.outputs["X"], color, nearest.outputs["Color"], "Nearest Color")
     alpha = _add_mix(group, "FLOAT", choice.outputs["X"], alpha, nearest.outputs["Alpha"], "Nearest Alpha")
     group.links.new(color, output.inputs["Color"])
     group.links.new(alpha, output.inputs["Alpha"])
+
+
+def _add_alpha_probe(group):
+    """Whether the group's Alpha output is in use: (1 if it is, else 0; a number below 0 to be made part of Alpha).
+
+    Cycles divides the color of an Image Texture by alpha only if the node's Alpha is linked; our shader cannot see it,
+    but it can see what another Image Texture does whose Alpha ends in the same output: white with alpha 0.5 turns gray
+    if its Alpha leads nowhere.
+    """
+    probe = builder.add_node(group, "ShaderNodeTexImage", "Alpha Probe", image=_probe_image())
+    is_linked = builder.add_math(group, "GREATER_THAN", probe.outputs["Color"], 0.75, label="Alpha Is Linked")
+    return is_linked, builder.add_math(group, "SUBTRACT", probe.outputs["Alpha"], 1.0, label="Below 0")
+
+
+def _probe_image():
+    image = bpy.data.images.get((PROBE, None))
+    if image is None:
+        image = bpy.data.images.new(PROBE, 1, 1, alpha=True)
+        image.generated_color = (1, 1, 1, 0.5)
+    return image
