@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glint_addon import paths
-from glint_addon.bake import table
+from glint_addon.bake import float_image, table
 from glint_addon.bake.openimageio import oiio
 from glint_addon.errors import TableError
 from tests.helpers.osl_functions import ROWS, evaluate
@@ -110,7 +110,7 @@ def test_the_shader_notices_a_table_that_is_not_whole(tmp_path, damage):
         pixels = table.table_pixels(random_normals(32, 32), "CLOSEST")
         # Blender shrinks by averaging; another image has no magic.
         small = pixels.reshape(16, 2, 16, 2, 4).mean(axis=(1, 3)) if damage == "shrunk" else np.ones_like(pixels)
-        table._write_image(str(path), small)
+        float_image.write_image(str(path), small)
     osl = evaluate(("table.h",), INTACT_BODY.format(path=path.as_posix()), np.zeros((ROWS, 1)), 1)
     assert (osl == 0).all()
 
@@ -185,12 +185,12 @@ def test_an_empty_file_of_that_name_is_no_table(tmp_path):
 
 
 def test_a_table_that_cannot_be_finished_leaves_nothing(tmp_path, monkeypatch):
-    def fail(path, pixels):
+    def fail(path, pixels, *, half):
         path_written.append(path)
         raise OSError(28, "No space left on device")
 
     path_written = []
-    monkeypatch.setattr(table, "_write_image", fail)
+    monkeypatch.setattr(float_image, "write_image", fail)
     with pytest.raises(TableError, match=r"No space left on device.*free some disk space\.$"):
         table.bake_table(random_normals(4, 6), tmp_path)
     assert path_written and not list(tmp_path.iterdir())
@@ -198,14 +198,14 @@ def test_a_table_that_cannot_be_finished_leaves_nothing(tmp_path, monkeypatch):
 
 def test_readers_never_see_half_a_table(tmp_path, monkeypatch):
     seen = []
-    write = table._write_image
+    write = float_image.write_image
 
-    def watched(path, pixels):
+    def watched(path, pixels, *, half):
         seen.extend(file for file in tmp_path.glob("glint_*"))
-        write(path, pixels)
+        write(path, pixels, half=half)
         seen.extend(file for file in tmp_path.glob("glint_*"))
 
-    monkeypatch.setattr(table, "_write_image", watched)
+    monkeypatch.setattr(float_image, "write_image", watched)
     table.bake_table(random_normals(4, 6), tmp_path)
     assert not seen and len(list(tmp_path.iterdir())) == 1
 

@@ -17,13 +17,12 @@ light. A level's side is half the one below, rounded up.
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import MapError, TableError
+from .float_image import write_whole
 
 MAGIC = 5344.0  # exact in half floats; any number that no mean of alphas reaches
 BORDER = 1  # texels around each level; bilinear interpolation looks no further
@@ -185,40 +184,5 @@ def bake_pyramid(stored: np.ndarray, folder, *, encoded: bool, associated: bool,
     path = Path(folder) / pyramid_name(stored, encoded=encoded, associated=associated, half=half)
     if path.is_file() and path.stat().st_size > 0:
         return path, False
-    _write_whole(path, atlas(levels(stored, encoded=encoded, associated=associated)), half)
+    write_whole(path, atlas(levels(stored, encoded=encoded, associated=associated)), half=half)
     return path, True
-
-
-def _write_whole(path: Path, pixels: np.ndarray, half: bool):
-    """Write `pixels` beside `path` and rename, so that no reader ever sees half a file."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".glint_", suffix=path.suffix)
-        os.close(handle)
-    except OSError as error:
-        raise TableError(
-            f"Mip levels cannot be written to {path.parent} ({error.strerror}): save the .blend where you may write."
-        ) from error
-    try:
-        _write_image(temporary, pixels, half)
-        Path(temporary).chmod(0o644)  # mkstemp's 600 would keep other users' renders from reading it
-        Path(temporary).replace(path)
-    except OSError as error:
-        raise TableError(f"Mip levels {path} cannot be written ({error.strerror}): free some disk space.") from error
-    finally:
-        Path(temporary).unlink(missing_ok=True)
-
-
-def _write_image(path: str, pixels: np.ndarray, half: bool):
-    from .openimageio import oiio
-
-    height, width = pixels.shape[:2]
-    spec = oiio.ImageSpec(width, height, 4, oiio.HALF if half else oiio.FLOAT)
-    spec.attribute("compression", "zip" if half else "none")
-    output = oiio.ImageOutput.create(path)
-    written = output is not None and output.open(path, spec) and output.write_image(pixels[::-1])
-    if output is not None:
-        written = output.close() and written
-    if not written:
-        reason = output.geterror() if output is not None else oiio.geterror()
-        raise TableError(f"Mip levels {path} cannot be written ({reason}): free some disk space.")

@@ -14,11 +14,10 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 
-from ..errors import TableError
+from .float_image import write_whole
 
 MAGIC = 7919.0  # any number that no filtered alpha can reach by accident
 VERSION = 2  # part of the content address: raise it when the layout changes
@@ -74,36 +73,5 @@ def bake_table(normals: np.ndarray, folder: Path, *, interpolation: str = "LINEA
     path = Path(folder) / table_name(normals, interpolation)
     if path.is_file() and path.stat().st_size > 0:
         return path, False
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.stem}_{uuid4().hex}{SUFFIX}")
-        temporary.touch(exist_ok=False)  # not tempfile, whose files other users of a render farm may not read
-    except OSError as error:
-        raise TableError(
-            f"Glint tables cannot be written to {path.parent} ({error.strerror}): "
-            "save the .blend file in a folder you may write to."
-        ) from error
-    try:
-        _write_image(str(temporary), table_pixels(normals, interpolation))
-        temporary.replace(path)
-    except OSError as error:
-        raise TableError(f"Glint table {path} cannot be written ({error.strerror}): free some disk space.") from error
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(path, table_pixels(normals, interpolation))
     return path, True
-
-
-def _write_image(path: str, pixels: np.ndarray):
-    """Write RGBA float pixels, row 0 at the bottom; TableError with OpenImageIO's words if that fails."""
-    from .openimageio import oiio
-
-    height, width = pixels.shape[:2]
-    spec = oiio.ImageSpec(width, height, 4, oiio.FLOAT)
-    spec.attribute("compression", "none")  # loading must not cost more than reading the bytes
-    output = oiio.ImageOutput.create(path)
-    written = output is not None and output.open(path, spec) and output.write_image(pixels[::-1])
-    if output is not None:
-        written = output.close() and written
-    if not written:
-        reason = output.geterror() if output is not None else oiio.geterror()
-        raise TableError(f"Glint table {path} cannot be written ({reason}): free some disk space.")
