@@ -8,13 +8,12 @@ import pytest
 
 from glint_addon.bake.openimageio import oiio
 from glint_addon.errors import MapError, SceneError
-from glint_addon.nodes import image_texture
+from glint_addon.nodes import checker, image_texture, script_node
 from tests.helpers import cycles
 from tests.reference import image_texture as reference
 
 SIZE = 48
 SAME = 1e-3  # the issue's; 8-bit images are baked as half floats (relative 5e-4)
-HIT = 2e-4  # of a texture coordinate: float32 hits and elementary functions, and the filter's 0.01 pixels
 
 
 def random_pixels(width, height, *, alpha=False, seed=0):
@@ -406,6 +405,21 @@ def test_another_group_cannot_be_given_an_image(scene):
     group = bpy.data.node_groups.new("Other", "ShaderNodeTree")
     with pytest.raises(SceneError, match='"Other" is not a Glint Image Texture group'):
         image_texture.set_image(group, generated(random_pixels(2, 2)))
+
+
+def test_no_image_is_refused(scene):
+    with pytest.raises(SceneError, match="needs an image: choose one"):
+        image_texture.set_image(image_texture.build(), None)
+
+
+def test_where_blender_has_no_osl_the_groups_are_native_nodes_only(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(script_node, "osl_available", lambda: False)
+    stage = Stage(generated(random_pixels(9, 6)), tmp_path)
+    close_view(stage)
+    for group in (stage.group.node_tree, checker.build()):
+        assert not [node for node in group.nodes if node.type == "SCRIPT"]
+    assert image_texture.bake_missing(tmp_path) == [] and not list(tmp_path.iterdir())
+    np.testing.assert_allclose(stage.filtered("Mipmap"), stage.blenders(), atol=1e-6)
 
 
 # --- Constant color ---

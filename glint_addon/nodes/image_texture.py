@@ -90,12 +90,14 @@ def image_of(group) -> bpy.types.Image | None:
 def set_image(group, image, *, bake=True, folder=None):
     """Make a copy of the group (or the group of a node) show `image`; `bake` its mip pyramid into `folder` if missing.
 
-    Raises SceneError if it is not such a group, MapError if the image has no pixels or cannot have a pyramid,
-    TableError if the pyramid cannot be written.
+    Raises SceneError if it is not such a group or there is no image, MapError if the image has no pixels or cannot
+    have a pyramid, TableError if the pyramid cannot be written.
     """
     group = getattr(group, "node_tree", group)
     if group is None or KIND not in group:
         raise SceneError(f'"{getattr(group, "name", None)}" is not a {NAME} group: add one from the Glint menu.')
+    if image is None:
+        raise SceneError(f'"{group.name}" needs an image: choose one.')
     script = group.nodes.get(MIPMAP_NODE)
     if bake and script is not None:
         _bake(script, image, folder)
@@ -119,7 +121,8 @@ def bake_missing(folder=None) -> list[str]:
 
 
 def _groups_with_mipmap():
-    trees = [material.node_tree for material in bpy.data.materials] + list(bpy.data.node_groups)
+    owners = [*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights]
+    trees = [owner.node_tree for owner in owners] + list(bpy.data.node_groups)
     nodes = [node for tree in trees if tree is not None for node in tree.nodes if node.type == "GROUP"]
     used = [
         node.node_tree
