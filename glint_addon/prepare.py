@@ -13,7 +13,7 @@ from .images import image_pixels, image_stamp
 from .lights.drivers import connect_hints
 from .lights.hints import scene_hints
 from .material import glint_groups
-from .nodes import glint_bsdf, glint_lights
+from .nodes import glint_bsdf, glint_lights, image_texture
 from .nodes.script_node import osl_available
 
 
@@ -22,22 +22,24 @@ def prepare_scene(scene, progress=None) -> dict:
 
     progress(fraction 0..1, text) is called while tables are baked. Returns what was done and skipped: "hints" (names
     of the lights whose glints are enumerated), "skipped_lights" ([name, reason]), "baked" and "reused" (table paths),
-    "osl" (whether Cycles can run the lobe), "device", "warnings" (sentences).
+    "mip_levels" (names of the images of Glint Image Textures whose levels were baked), "osl" (whether Cycles can run
+    the lobe), "device", "warnings" (sentences).
     Raises MapError or TableError; the scene is unchanged then.
     """
     progress = progress or (lambda fraction, text: None)
     groups = scene_glint_groups(scene)
-    report = {"hints": [], "skipped_lights": [], "baked": [], "reused": [], "osl": osl_available(),
+    report = {"hints": [], "skipped_lights": [], "baked": [], "reused": [], "mip_levels": [], "osl": osl_available(),
               "device": _device(scene), "warnings": _warnings(scene, groups)}
     # What is linked from another file cannot be changed here; a warning says so.
     groups = [group for group in groups if group.library is None]
-    if not groups:
+    if not groups and not image_texture.shows_mip_levels():
         return report
 
     # Bake first: all that can fail happens before the scene is touched.
     tables = []
     if report["osl"]:
         folder = paths.table_folder(bpy.data.filepath)
+        report["mip_levels"] = image_texture.bake_missing(folder)
         for index, group in enumerate(groups):
             progress(index / len(groups), f'Baking "{group["glint_image"].name}"')
             tables.append(_table(group, folder, report))
@@ -46,10 +48,11 @@ def prepare_scene(scene, progress=None) -> dict:
         glint_bsdf.refresh(group)
         glint_bsdf.set_table(group, *table)
         _remember(group, stamp, *table)
-    hints, skipped = scene_hints(scene)
-    connect_hints(glint_lights.build(), scene, hints)
-    report["hints"] = [hint.object.name for hint in hints]
-    report["skipped_lights"] = [list(pair) for pair in skipped]
+    if groups:
+        hints, skipped = scene_hints(scene)
+        connect_hints(glint_lights.build(), scene, hints)
+        report["hints"] = [hint.object.name for hint in hints]
+        report["skipped_lights"] = [list(pair) for pair in skipped]
     if report["osl"] and hasattr(scene, "cycles") and not scene.cycles.shading_system:
         scene.cycles.shading_system = True
     progress(1.0, "Glints are ready")

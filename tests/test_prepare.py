@@ -7,7 +7,7 @@ import pytest
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.errors import MapError, TableError
 from glint_addon.material import glint_groups
-from glint_addon.nodes import glint_bsdf, glint_lights
+from glint_addon.nodes import glint_bsdf, glint_lights, image_texture
 from glint_addon.paths import TABLE_FOLDER_NAME, table_folder
 from tests.helpers import cycles
 from tests.helpers.extension import data_names, write_flake_map
@@ -391,3 +391,17 @@ def test_an_image_that_went_bad_is_refused(scene, plane):
     prepare_scene(scene)
     group_of(plane)["glint_image"].source = "MOVIE"
     assert "movie" in refusal(scene, MapError)
+
+
+def test_mip_levels_of_image_textures_are_baked_too_and_once(scene, blend):
+    image = bpy.data.images.new("Checks", 8, 4)
+    tree = cycles.emission_material()[0].node_tree
+    image_texture.add_node(tree, image, filter="BILINEAR")
+    assert prepare_scene(scene)["mip_levels"] == [] and not tables(blend)
+
+    node = next(node for node in tree.nodes if node.type == "GROUP")
+    node.inputs["Filter"].default_value = "Mipmap"
+    scene.cycles.shading_system = False
+    assert prepare_scene(scene)["mip_levels"] == ["Checks"]
+    assert scene.cycles.shading_system, "mip levels are read by OSL"
+    assert prepare_scene(scene)["mip_levels"] == []

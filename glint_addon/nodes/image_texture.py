@@ -120,6 +120,11 @@ def bake_missing(folder=None) -> list[str]:
     return baked
 
 
+def shows_mip_levels() -> bool:
+    """Whether any node shows an image with the filter Mipmap, which needs OSL and baked levels."""
+    return bool(_groups_with_mipmap())
+
+
 def _groups_with_mipmap():
     owners = [*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights]
     trees = [owner.node_tree for owner in owners] + list(bpy.data.node_groups)

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..nodes.image_texture import KIND as IMAGE_GROUP
 from .failing_softly import FailsSoftly
 from .scene_state import store_report
 
@@ -46,14 +47,14 @@ class GLINT_OT_prepare(FailsSoftly, bpy.types.Operator):
 
 
 def has_glint_groups() -> bool:
-    """Whether a Glint map group is in the file; asked at every redraw, so it looks at node groups only."""
-    return any(group.get("glint_image") is not None for group in bpy.data.node_groups)
+    """Whether the file has a group that bakes, a map's or an image's; asked at every redraw, so it looks no further."""
+    return any(group.get("glint_image") is not None or IMAGE_GROUP in group for group in bpy.data.node_groups)
 
 
 def summary(report: dict) -> str:
     """What `prepare_scene` did, in one sentence."""
     lights = counted(len(report["hints"]), "light")
-    baked = counted(len(report["baked"]), "table")
+    baked = counted(len(report["baked"]) + len(report["mip_levels"]), "table")
     osl = "OSL on" if report["osl"] else "no OSL"
     return f"Glint: {lights} found, {baked} baked, {len(report['reused'])} reused, {osl}."
 
