@@ -6,8 +6,9 @@ from . import maps, stage
 
 NAME = "brushed_far"
 TITLE = "Brushed disc, far view: about 2000 texels in a pixel"
-SPP = 8
-TRUTH_SPP = 65536
+SPP = 4
+TRUTH_SPP = 32768
+EXPOSURE = 0.4
 SURFACE = {"roughness": 0.1414, "interpolation": "LINEAR", "color": (0.9, 0.92, 1.0)}
 
 

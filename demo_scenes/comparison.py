@@ -14,7 +14,8 @@ from .truth import truth_material
 
 SIZE = (96, 96)  # pixels: small enough that three minutes suffice, large enough to see
 SCALE = 4  # each pixel is shown as 4 x 4
-PILOT_SPP = 32  # enough to time a sample of Blender's nodes
+PILOT_SPP = 32  # a first look at the cost of a sample of Blender's nodes
+SECOND_PILOT = 0.25  # of the wanted time: few samples cost more each, so the first look alone would give too few
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class Measurement:
 def compare(scene_module, out: Path) -> list[Measurement]:
     """Render one scene with the lobe and, in the same time, with Blender's nodes; write `out`/NAME.png.
 
-    A scene module has NAME, TITLE, SPP (of the lobe), SURFACE (arguments of `create_glint_material`), `normal_map()`
-    and `build(scene, material)`.
+    A scene module has NAME, TITLE, SPP (of the lobe), TRUTH_SPP, EXPOSURE (of the picture), SURFACE (arguments of
+    `create_glint_material`), `normal_map()` and `build(scene, material)`.
     """
     name, truth = scene_module.NAME, stored_truth(scene_module.NAME)
     lobe_pixels, lobe_seconds, bake_seconds = lobe_render(scene_module)
@@ -52,7 +53,7 @@ def compare(scene_module, out: Path) -> list[Measurement]:
     labels.append(f"Truth: Blender's nodes, {truth.spp} spp\nits own noise {truth.noise:.1%}")
     panels = list(zip(labels, (nodes_pixels, lobe_pixels, truth.pixels), strict=True))
     title = f"{scene_module.TITLE} (table baked in {bake_seconds:.1f} s)"
-    picture.save_side_by_side(out / f"{name}.png", panels, title=title, scale=SCALE)
+    picture.save_side_by_side(out / f"{name}.png", panels, title=title, scale=SCALE, exposure=scene_module.EXPOSURE)
     return rows
 
 
@@ -78,8 +79,13 @@ def nodes_render(scene_module, seconds):
     image = maps.blender_image("Normal map", scene_module.normal_map())
     scene_module.build(scene, truth_material("Nodes", image, **scene_module.SURFACE))
     start_up = measure.start_up_seconds(scene)
-    pilot = measure.timed_render(scene)[1] - start_up
-    spp = max(round(seconds / pilot * PILOT_SPP), 1)
-    scene.cycles.samples = spp
-    pixels, total = measure.timed_render(scene)
-    return pixels, max(total - start_up, 0.0), spp
+
+    def timed(spp):
+        scene.cycles.samples = spp
+        pixels, total = measure.timed_render(scene)
+        return pixels, max(total - start_up, measure.CLOCK_NOISE)
+
+    spp = PILOT_SPP
+    for share in (SECOND_PILOT, 1.0):
+        spp = max(round(share * seconds / timed(spp)[1] * spp), 1)
+    return *timed(spp), spp

@@ -8,6 +8,7 @@ NAME = "flakes_close"
 TITLE = "Flakes, close-up: each flake is several pixels wide"
 SPP = 16
 TRUTH_SPP = 16384
+EXPOSURE = 1.0
 SURFACE = {"roughness": 0.2, "interpolation": "CLOSEST", "color": (1.0, 0.72, 0.35)}
 
 

@@ -8,6 +8,7 @@ NAME = "flakes_far"
 TITLE = "Flakes, far view: a ball of metallic paint, about 1400 flakes in a pixel"
 SPP = 8
 TRUTH_SPP = 65536
+EXPOSURE = 1.0
 SURFACE = {"roughness": 0.12, "interpolation": "CLOSEST", "color": (1.0, 0.25, 0.12)}
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+CLOCK_NOISE = 0.001  # seconds below which a time says nothing
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec. 709, Blender's default working space
 
 

@@ -8,6 +8,7 @@ NAME = "scratches_close"
 TITLE = "Scratched metal, close-up"
 SPP = 16
 TRUTH_SPP = 32768
+EXPOSURE = 1.0
 SURFACE = {"roughness": 0.14, "interpolation": "LINEAR", "color": (0.9, 0.92, 1.0)}
 
 
