@@ -74,7 +74,7 @@ def use(flake_map: str, blend: str) -> dict:
 
 
 def enable():
-    """Enable the installed extension for this session."""
+    """Enable the installed extension for this process."""
     bpy.ops.preferences.addon_enable(module=MODULE)
 
 
