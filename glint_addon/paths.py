@@ -8,11 +8,6 @@ OSL_FOLDER = ROOT / "osl"
 TABLE_FOLDER_NAME = "glint_tables"
 
 
-def manifest_file() -> Path:
-    """The extension's manifest, the only place where its version is written."""
-    return ROOT / "blender_manifest.toml"
-
-
 def shader_file(name: str) -> Path:
     """Source of the OSL shader or header `name`, for example "glint.osl" or "footprint.h"."""
     return OSL_FOLDER / name

@@ -10,20 +10,20 @@ struct Selection {
   int count;       /* elements kept one by one; meaningless once merged */
   int merged;      /* whether the cells are in use */
   int cells;       /* cells of each hint, see hint_cells */
-  float weight[60];
-  float p1[60];
-  float p2[60];
-  float c11[60];
-  float c12[60];
-  float c22[60];
-  int hint[60];
+  float weight[CLOSURE_BUDGET];
+  float p1[CLOSURE_BUDGET];
+  float p2[CLOSURE_BUDGET];
+  float c11[CLOSURE_BUDGET];
+  float c12[CLOSURE_BUDGET];
+  float c22[CLOSURE_BUDGET];
+  int hint[CLOSURE_BUDGET];
   /* Sums over a cell of weight, weight * p, weight * (p p^T + covariance). */
-  float cell_weight[60];
-  float cell_p1[60];
-  float cell_p2[60];
-  float cell_c11[60];
-  float cell_c12[60];
-  float cell_c22[60];
+  float cell_weight[CLOSURE_BUDGET];
+  float cell_p1[CLOSURE_BUDGET];
+  float cell_p2[CLOSURE_BUDGET];
+  float cell_c11[CLOSURE_BUDGET];
+  float cell_c12[CLOSURE_BUDGET];
+  float cell_c22[CLOSURE_BUDGET];
 };
 
 /* Cells of each hint, so that all hints' fit the budget: a disk around the half vector and rings of sectors.
@@ -32,7 +32,7 @@ struct Selection {
  *   1 + 6 + 12 + 18 cells   0.2 %, 0.0 % and 0.2 %, -0.1 %   | 1.5 %,  0.0 % and 0.6 %, -0.3 %
  *   1 + 6 + 12              0.8 %, 0.2 % and 0.4 %, -0.2 %   | 3.6 %,  0.6 % and 1.6 %,  0.5 %
  *   1 + 5 + 8               1.0 %, 0.3 % and 0.4 %,  0.1 %   | 3.6 %,  0.1 % and 1.5 %, -0.2 %
- *   1 + 6                   3.7 %, 0.5 % and 1.5 %, -0.8 %   | 8.4 %,  2.1 % and 4.5 %,  2.0 %
+ *   1 + 6                   3.4 %, -0.2 % and 1.9 %, -1.6 %  | 9.9 %,  4.0 % and 6.5 %,  4.7 %
  * Squares do worse: 6 x 6 0.3 % | 1.5 %, 3 x 3 3.7 % | 11 %, 2 x 2 15 % and -14 % (the light shines on their corner). */
 int hint_cells(int hints)
 {

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from demo_scenes import maps
+from glint_addon import paths
 from glint_addon.material import create_glint_material, glint_groups
+from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
 from glint_addon.prepare import prepare_scene
 
@@ -75,3 +79,15 @@ def test_far_views_visit_and_return_no_more_than_the_bounds(interpolation, suns)
     assert (seen[:, 2] == MODE_SUBSET).all()
     assert (seen[:, 0] == LARGEST_VISIT).all()
     assert 8 < seen[:, 1].max() <= LARGEST_CLOSURES
+
+
+def test_the_shader_and_the_lights_group_agree_on_their_constants():
+    """Numbers written in Python and read in OSL."""
+    text = "".join(paths.shader_file(name).read_text() for name in ("light_hint.h", "selection.h", "query.h"))
+    constants = dict(re.findall(r"^#define (\w+) ([\d.]+)$", text, re.MULTILINE))
+    kinds = {"NONE": glint_lights.KIND_NONE, "SUN": glint_lights.KIND_SUN, "LOCAL": glint_lights.KIND_LOCAL}
+    assert {name: float(constants[f"HINT_{name}"]) for name in kinds} == kinds
+    assert int(constants["HINT_COUNT"]) == glint_lights.HINT_COUNT
+    assert glint_lights.CLOSURE_COUNT.expression.startswith(f"{constants['CLOSURE_BUDGET']} if ")
+    assert int(constants["CLOSURE_BUDGET"]) + 1 == LARGEST_CLOSURES
+    assert int(constants["LARGEST_VISIT"]) == LARGEST_VISIT
