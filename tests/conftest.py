@@ -13,6 +13,11 @@ import bpy  # noqa: E402, F401  (needs the environment above, and comes before a
 
 import glint_addon  # noqa: E402
 from tests.helpers.cycles import empty_scene  # noqa: E402
+from tests.helpers.stress_report import (  # noqa: E402, F401  (pytest finds hooks and fixtures by their names)
+    pytest_addoption,
+    pytest_configure,
+    stress_record,
+)
 
 
 def pytest_unconfigure():
