@@ -101,10 +101,15 @@ def add_disc(scene, material, *, radius=1.0, hole=0.08, segments=192, repeats=(1
     return place(scene, "Disc", mesh)
 
 
-def add_camera(scene, location, target, *, angle) -> bpy.types.Object:
-    """A perspective camera of `angle` radians at `location` looking at `target`; becomes the scene's own."""
+def add_camera(scene, location, target, *, angle=0.7, width=None) -> bpy.types.Object:
+    """A camera at `location` looking at `target`; becomes the scene's own.
+
+    Perspective, `angle` radians wide, or with a `width` in metres orthographic and that wide.
+    """
     data = bpy.data.cameras.new("Camera")
     data.angle = angle
+    if width is not None:
+        data.type, data.ortho_scale = "ORTHO", width
     camera = place(scene, "Camera", data, location)
     camera.rotation_euler = (Vector(target) - Vector(location)).to_track_quat("-Z", "Y").to_euler()
     scene.camera = camera
@@ -118,6 +123,30 @@ def add_sun(scene, direction, *, strength=1.0, angle=SUN_ANGLE, color=(1, 1, 1))
     sun = place(scene, "Sun", data)
     sun.rotation_euler = Vector(direction).to_track_quat("Z", "Y").to_euler()
     return sun
+
+
+def add_lamp(scene, kind, location, target=(0, 0, 0), *, power, **settings) -> bpy.types.Object:
+    """A lamp of `power` watts at `location` shining at `target`; kind 'POINT', 'SPOT' or 'AREA'.
+
+    `settings` are properties of the light, as shadow_soft_size (radius) or size, in metres.
+    """
+    data = bpy.data.lights.new(kind.title(), kind)
+    data.energy = power
+    for name, value in settings.items():
+        setattr(data, name, value)
+    lamp = place(scene, kind.title(), data, location)
+    lamp.rotation_euler = (Vector(target) - Vector(location)).to_track_quat("-Z", "Y").to_euler()
+    return lamp
+
+
+def add_sky(scene, *, sun_elevation, strength=1.0):
+    """Light the scene by Blender's Sky Texture without the sun's disc; `sun_elevation` in radians."""
+    tree = scene.world.node_tree
+    sky = tree.nodes.new("ShaderNodeTexSky")
+    sky.sun_disc, sky.sun_elevation = False, sun_elevation
+    background = tree.nodes["Background"]
+    background.inputs["Strength"].default_value = strength
+    tree.links.new(sky.outputs["Color"], background.inputs["Color"])
 
 
 def place(scene, name, data, location=(0, 0, 0)) -> bpy.types.Object:

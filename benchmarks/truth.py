@@ -1,0 +1,111 @@
+"""Stored truths: what Blender's own nodes converge to, as the mean and its variance over independent seeds.
+
+`make truth SCENE=name` renews one: it renders parts until the truth's own noise is small enough (minutes), storing
+what it has after each, and goes on where an interrupted run stopped.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from demo_scenes import measure
+
+from . import suite
+
+FOLDER = Path(__file__).resolve().parent / "truths"
+PART_SPP = 8192  # of one seed; four parts and more, so that the variance is known
+FEWEST_PARTS = 6
+NOISE = 0.03  # relative, the most that a truth may have
+FIRST_SEED = 1001  # not a seed of any measured picture, or it would share the truth's noise
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Linear luminance of a scene, row 0 at the bottom.
+
+    mean, variance (of the mean): float64 (height, width); spp: of one seed; seeds: how many; blender: its version;
+    scene_hash: of the scene that was rendered.
+    """
+
+    mean: np.ndarray
+    variance: np.ndarray
+    spp: int
+    seeds: int
+    blender: str
+    scene_hash: str
+
+    @property
+    def noise(self) -> float:
+        """The truth's own relative root mean square error."""
+        return math.sqrt(float(self.variance.mean())) / float(self.mean.mean())
+
+
+def stored(name) -> Truth:
+    """The truth of scene `name`. Raises FileNotFoundError if there is none: `make truth SCENE=name` makes it."""
+    with np.load(_file(name)) as data:
+        mean, variance = data["mean"].astype(np.float64), data["variance"].astype(np.float64)
+        return Truth(
+            mean, variance, int(data["spp"]), int(data["seeds"]), str(data["blender"]), str(data["scene_hash"])
+        )
+
+
+def renew(name, *, noise=NOISE, part_spp=PART_SPP, most_parts=1000) -> Truth:
+    """Render parts of scene `name` until its relative noise is at most `noise`, and store the truth.
+
+    Goes on with a stored truth of the same scene, spp and Blender; begins anew otherwise.
+    """
+    truth = _unfinished(name, part_spp)
+    scene = suite.nodes_scene(name, part_spp)
+    while truth is None or truth.seeds < FEWEST_PARTS or truth.noise > noise and truth.seeds < most_parts:
+        scene.cycles.seed = FIRST_SEED + (truth.seeds if truth else 0)
+        part = measure.luminance(measure.rendered(scene))
+        truth = _with_part(truth, part, name, part_spp)
+        _store(name, truth)
+        sys.stderr.write(f"{name}: {truth.seeds} x {truth.spp} spp, own noise {truth.noise:.4f}\n")
+    return truth
+
+
+def _unfinished(name, part_spp):
+    """The stored truth, if further parts may be added to it."""
+    if not _file(name).is_file():
+        return None
+    truth = stored(name)
+    same = (truth.scene_hash, truth.spp, truth.blender) == (suite.scene_hash(name), part_spp, bpy.app.version_string)
+    return truth if same else None
+
+
+def _with_part(truth, part, name, part_spp):
+    """`truth` with one more picture, by Welford's update (Technometrics 4(3), 1962); of one picture nothing varies."""
+    if truth is None:
+        return Truth(part, np.zeros_like(part), part_spp, 1, bpy.app.version_string, suite.scene_hash(name))
+    n = truth.seeds
+    squares = truth.variance * n * (n - 1)  # sum of squared deviations from the mean
+    mean = truth.mean + (part - truth.mean) / (n + 1)
+    squares = squares + (part - truth.mean) * (part - mean)
+    return Truth(mean, squares / (n * (n + 1)), part_spp, n + 1, truth.blender, truth.scene_hash)
+
+
+def _store(name, truth):
+    """Write the truth, whole or not at all; as 32-bit floats, whose rounding is far below any noise."""
+    FOLDER.mkdir(exist_ok=True)
+    part = _file(name).with_suffix(".part.npz")
+    np.savez_compressed(
+        part,
+        mean=truth.mean.astype(np.float32),
+        variance=truth.variance.astype(np.float32),
+        spp=truth.spp,
+        seeds=truth.seeds,
+        blender=truth.blender,
+        scene_hash=truth.scene_hash,
+    )
+    part.replace(_file(name))
+
+
+def _file(name):
+    return FOLDER / f"{name}.npz"
