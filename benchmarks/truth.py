@@ -19,7 +19,7 @@ from demo_scenes import measure
 from . import suite
 
 FOLDER = Path(__file__).resolve().parent / "truths"
-PART_SPP = 8192  # of one seed; four parts and more, so that the variance is known
+PART_SPP = 2048  # of one seed: seconds, so that little is lost when a run is stopped
 FEWEST_PARTS = 6
 NOISE = 0.03  # relative, the most that a truth may have
 FIRST_SEED = 1001  # not a seed of any measured picture, or it would share the truth's noise
