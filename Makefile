@@ -21,7 +21,7 @@ demo: $(STAMP)  ## Render the demo scenes into out/
 	@$(VENV_PYTHON) -m demo_scenes
 
 test: $(STAMP)  ## Run the tests (ARGS="-k words" chooses)
-	@$(VENV_PYTHON) -m pytest $(ARGS)
+	@$(VENV_PYTHON) -m pytest --numprocesses 2 --dist loadfile $(ARGS)
 
 lint: $(STAMP)  ## Check the style
 	@$(VENV_PYTHON) -m ruff check .
