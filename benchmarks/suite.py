@@ -76,7 +76,10 @@ def scene_hash(name) -> str:
     scene = scene_with(name, lambda image, **surface: bpy.data.materials.new("Glint"))
     scene.view_layers[0].update()
     digest = hashlib.sha256(repr((SIZE, sorted(module.SURFACE.items()))).encode())
-    digest.update(np.round(module.normal_map() * MAP_STEPS).astype(np.int32).tobytes())
+    image = bpy.data.images["Normal map"]
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    digest.update(repr(image.size[:]).encode() + np.round(pixels * MAP_STEPS).astype(np.int16).tobytes())
     for obj in sorted(scene.objects, key=lambda each: each.name):
         digest.update(repr((obj.name, _rounded(value for row in obj.matrix_world for value in row))).encode())
         digest.update(repr(_settings(obj.data)).encode())

@@ -60,30 +60,31 @@ def renew(name, *, noise=NOISE, part_spp=PART_SPP, most_parts=1000) -> Truth:
 
     Goes on with a stored truth of the same scene, spp and Blender; begins anew otherwise.
     """
-    truth = _unfinished(name, part_spp)
+    scene_hash = suite.scene_hash(name)
+    truth = _unfinished(name, part_spp, scene_hash)
     scene = suite.nodes_scene(name, part_spp)
     while truth is None or truth.seeds < FEWEST_PARTS or truth.noise > noise and truth.seeds < most_parts:
         scene.cycles.seed = FIRST_SEED + (truth.seeds if truth else 0)
         part = measure.luminance(measure.rendered(scene))
-        truth = _with_part(truth, part, name, part_spp)
+        truth = _with_part(truth, part, part_spp, scene_hash)
         _store(name, truth)
         sys.stderr.write(f"{name}: {truth.seeds} x {truth.spp} spp, own noise {truth.noise:.4f}\n")
     return truth
 
 
-def _unfinished(name, part_spp):
+def _unfinished(name, part_spp, scene_hash):
     """The stored truth, if further parts may be added to it."""
     if not _file(name).is_file():
         return None
     truth = stored(name)
-    same = (truth.scene_hash, truth.spp, truth.blender) == (suite.scene_hash(name), part_spp, bpy.app.version_string)
+    same = (truth.scene_hash, truth.spp, truth.blender) == (scene_hash, part_spp, bpy.app.version_string)
     return truth if same else None
 
 
-def _with_part(truth, part, name, part_spp):
+def _with_part(truth, part, part_spp, scene_hash):
     """`truth` with one more picture, by Welford's update (Technometrics 4(3), 1962); of one picture nothing varies."""
     if truth is None:
-        return Truth(part, np.zeros_like(part), part_spp, 1, bpy.app.version_string, suite.scene_hash(name))
+        return Truth(part, np.zeros_like(part), part_spp, 1, bpy.app.version_string, scene_hash)
     n = truth.seeds
     squares = truth.variance * n * (n - 1)  # sum of squared deviations from the mean
     mean = truth.mean + (part - truth.mean) / (n + 1)

@@ -1,11 +1,11 @@
-"""A disc brushed in circles, fifty texels in a pixel, under two small lights at once."""
+"""A disc brushed in circles, 150 texels in a pixel, under two small lights at once."""
 
 from __future__ import annotations
 
 from demo_scenes import maps, stage
 
 SMALL_LIGHTS = True
-TEXELS = 50.0  # a pixel, about
+TEXELS = 150.0  # a pixel, about
 SURFACE = {"roughness": 0.01**0.5, "interpolation": "LINEAR"}
 
 

@@ -10,10 +10,10 @@ SURFACE = {"roughness": 0.03**0.5, "interpolation": "LINEAR"}
 
 
 def normal_map():
-    return maps.scratches(1024, count=1500, width=5.0, length=250.0, std=0.15, spread=10.0, seed=20)
+    return maps.scratches(512, count=400, width=5.0, length=200.0, std=0.15, spread=10.0, seed=20)
 
 
 def build(scene, material):
-    stage.add_sphere(scene, material, centre=(0, 0, 0), radius=1.0, repeats=(31.0, 15.5))
+    stage.add_sphere(scene, material, centre=(0, 0, 0), radius=1.0, repeats=(62.0, 31.0))
     stage.add_camera(scene, (0, -6, 0), (-0.19, -0.9, 0.23), angle=0.15)
     stage.add_lamp(scene, "AREA", (-2, -4, 2.5), power=50.0, size=0.1)

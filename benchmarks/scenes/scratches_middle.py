@@ -1,11 +1,11 @@
-"""Scratched metal, thirty texels in a pixel; spot lamp, plane."""
+"""Scratched metal, 75 texels in a pixel; spot lamp, plane."""
 
 from __future__ import annotations
 
 from demo_scenes import maps, stage
 
 SMALL_LIGHTS = True
-TEXELS = 30.0  # a pixel, about
+TEXELS = 75.0  # a pixel, about
 SURFACE = {"roughness": 0.01**0.5, "interpolation": "LINEAR"}
 
 
