@@ -25,6 +25,8 @@ struct HalfVector {
   float shift_u2;
   float shift_v2;
   float radius;
+  float reach;       /* how far slopes turn within the footprint, and a texel beyond */
+  float patch_turn;  /* and from a patch's middle to its corners */
   /* How far a ball of normals spreads the three forms, relative to its radius. */
   float ball_growth;
 };
@@ -37,6 +39,13 @@ void slope_axes(NormalFrame frame, output HalfVector hint)
   hint.f1 = vector(dot(frame.tangent, hint.t1), dot(frame.bitangent, hint.t1), dot(frame.upright, hint.t1));
   hint.f2 = vector(dot(frame.tangent, hint.t2), dot(frame.bitangent, hint.t2), dot(frame.upright, hint.t2));
   hint.f3 = vector(dot(frame.tangent, hint.h), dot(frame.bitangent, hint.h), dot(frame.upright, hint.h));
+}
+
+/* Largest length of (n.f1, n.f2) for unit normals n; f1, f2 are orthogonal unless the object is scaled unevenly. */
+float forms_norm(vector f1, vector f2)
+{
+  float mean = 0.5 * (dot(f1, f1) + dot(f2, f2));
+  return sqrt(mean + hypot(0.5 * (dot(f1, f1) - dot(f2, f2)), dot(f1, f2)));
 }
 
 /* Half vector of one hint at the shading point; returns 0 if no glint of this light can be seen here. */
@@ -86,11 +95,16 @@ int half_vector(vector light, vector shape, float region, NormalFrame frame, Foo
   float dx2 = dot(turn_dx, hint.t2);
   float dy1 = dot(turn_dy, hint.t1);
   float dy2 = dot(turn_dy, hint.t2);
-  hint.ball_growth = max(length(hint.f1), length(hint.f2)) + (hint.radius + 0.1) * length(hint.f3);
   hint.shift_u1 = dx1 * footprint.xu + dy1 * footprint.yu;
   hint.shift_v1 = dx1 * footprint.xv + dy1 * footprint.yv;
   hint.shift_u2 = dx2 * footprint.xu + dy2 * footprint.yu;
   hint.shift_v2 = dx2 * footprint.xv + dy2 * footprint.yv;
+
+  float shift_u = hypot(hint.shift_u1, hint.shift_u2);
+  float shift_v = hypot(hint.shift_v1, hint.shift_v2);
+  hint.reach = shift_u * (hypot(footprint.ux, footprint.uy) + 1.0) + shift_v * (hypot(footprint.vx, footprint.vy) + 1.0);
+  hint.patch_turn = 0.5 * (shift_u + shift_v);
+  hint.ball_growth = forms_norm(hint.f1, hint.f2) + (hint.radius + hint.reach) * length(hint.f3);
   return 1;
 }
 
@@ -106,13 +120,14 @@ int hint_slope(HalfVector hint, vector n, float offset_u, float offset_v, output
   return 1;
 }
 
-/* Whether any normal within a ball can lie in the region around h; errs on the side of yes. */
+/* Whether any normal of a patch can lie in the region around h; errs on the side of yes. The ball holds the patch's
+ * normals; the offset is that of its middle. */
 int hint_reaches_ball(HalfVector hint, vector centre, float ball, float offset_u, float offset_v)
 {
   float along = dot(centre, hint.f3);
   float x1 = dot(centre, hint.f1) + along * (offset_u * hint.shift_u1 + offset_v * hint.shift_v1);
   float x2 = dot(centre, hint.f2) + along * (offset_u * hint.shift_u2 + offset_v * hint.shift_v2);
-  float limit = hint.radius * along + ball * hint.ball_growth;
+  float limit = (hint.radius + hint.patch_turn) * along + ball * hint.ball_growth;
   return limit > 0.0 && x1 * x1 + x2 * x2 < limit * limit;
 }
 

@@ -169,7 +169,7 @@ def test_a_single_pixel_is_refused(scene):
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 def test_pixels_that_are_no_numbers_are_refused(scene, value):
-    assert "16 pixels that are NaN or infinite" in refusal("Sparkle", float_image(fill=(0.5, value, 1)))
+    assert "16 pixels that are NaN, infinite or huge" in refusal("Sparkle", float_image(fill=(0.5, value, 1)))
 
 
 def test_pixels_without_a_direction_are_refused(scene):

@@ -178,6 +178,7 @@ HALF_VECTOR_BODY = """
   frame.upright_dy = vector(in[24], in[25], in[26]);
   Footprint f;
   f.xu = in[27]; f.xv = in[28]; f.yu = in[29]; f.yv = in[30];
+  f.ux = in[44]; f.uy = in[45]; f.vx = in[46]; f.vy = in[47];
   HalfVector hint;
   out[0] = half_vector(vector(in[31], in[32], in[33]), vector(in[34], in[35], 0), in[36], frame, f,
                        vector(in[37], in[38], in[39]), vector(in[40], in[41], in[42]), in[43], hint);
@@ -189,8 +190,10 @@ HALF_VECTOR_BODY = """
   out[22] = out[0] != 0 ? hint.shift_v2 : 0;
   out[23] = out[0] != 0 ? hint.radius : 0;
   out[24] = out[0] != 0 ? hint.ball_growth : 0;
+  out[25] = out[0] != 0 ? hint.reach : 0;
+  out[26] = out[0] != 0 ? hint.patch_turn : 0;
   for (int k = 0; k < 3; ++k) {
-    out[25 + k] = P[k]; out[28 + k] = I[k]; out[31 + k] = Ng[k];
+    out[27 + k] = P[k]; out[30 + k] = I[k]; out[33 + k] = Ng[k];
   }
 """
 
@@ -208,16 +211,16 @@ def test_the_half_vector_of_suns_and_local_lights():
     first, second = np.tile([cone, 0, 0], (ROWS, 1)), np.tile([0, cone, 0], (ROWS, 1))
     inputs, values = packed(
         basis.reshape(ROWS, 9), 0.01 * rng.normal(size=(ROWS, 18)), rng.normal(size=(ROWS, 4)), light, shape,
-        rng.uniform(0.001, 0.3, ROWS), first, second, rng.uniform(0, 2, ROWS),
+        rng.uniform(0.001, 0.3, ROWS), first, second, rng.uniform(0, 2, ROWS), 5 * rng.normal(size=(ROWS, 4)),
     )
-    osl = evaluate(HINT_HEADERS, HALF_VECTOR_BODY, inputs, 34, rotation=(0.2, 0.3, 0.4)).astype(float)
-    valid, h, t1, t2, f1, f2, f3, shift, radius, growth, position, view, normal = read(
-        osl, (1, 3, 3, 3, 3, 3, 3, 4, 1, 1, 3, 3, 3)
+    osl = evaluate(HINT_HEADERS, HALF_VECTOR_BODY, inputs, 36, rotation=(0.2, 0.3, 0.4)).astype(float)
+    valid, h, t1, t2, f1, f2, f3, shift, radius, growth, reach, patch_turn, position, view, normal = read(
+        osl, (1, 3, 3, 3, 3, 3, 3, 4, 1, 1, 1, 1, 3, 3, 3)
     )
-    basis, turns, to_steps, light, shape, k_alpha, first, second, view_turn = values
+    basis, turns, to_steps, light, shape, k_alpha, first, second, view_turn, axes = values
     change = turns.reshape(ROWS, 6, 3)
     frame = light_hint.NormalFrame(*basis.reshape(ROWS, 3, 3).transpose(1, 0, 2), *change.transpose(1, 0, 2))
-    area = footprint.Footprint(*[None] * 4, *to_steps.T, None, None, None)
+    area = footprint.Footprint(*axes.T, *to_steps.T, None, None, None)
     expected, twin = light_hint.half_vector(
         light, shape, k_alpha, frame, area, first, second, view_turn, position, view, normal
     )
@@ -237,14 +240,20 @@ def test_the_half_vector_of_suns_and_local_lights():
     wanted = twin.shift[:, [0, 0, 1, 1], [0, 1, 0, 1]]
     assert (np.abs(shift - wanted).max(1) < 16 * tolerance * size / np.minimum(length, 1.0))[both].all()
     assert (np.abs(radius - twin.radius) < (FAST_ASIN + tolerance) / length)[both].all()
-    assert (np.abs(growth - twin.ball_growth) < (FAST_ASIN + 8 * tolerance) / length)[both].all()
+    turned = 16 * tolerance * size / np.minimum(length, 1.0)
+    texels = np.abs(axes).sum(axis=1) + 2
+    assert (np.abs(reach - twin.reach) < turned * texels)[both].all()
+    assert (np.abs(patch_turn - twin.patch_turn) < 2 * turned)[both].all()
+    # The radius and the reach are multiplied by a third form that is about a unit vector.
+    bound = 2 * ((FAST_ASIN + 8 * tolerance) / length + turned * texels)
+    assert (np.abs(growth - twin.ball_growth) < bound)[both].all()
 
 
 HINT_BODY = """
   HalfVector hint;
   hint.f1 = vector(in[0], in[1], in[2]); hint.f2 = vector(in[3], in[4], in[5]); hint.f3 = vector(in[6], in[7], in[8]);
   hint.shift_u1 = in[9]; hint.shift_v1 = in[10]; hint.shift_u2 = in[11]; hint.shift_v2 = in[12];
-  hint.radius = in[13]; hint.ball_growth = in[14];
+  hint.radius = in[13]; hint.ball_growth = in[14]; hint.patch_turn = in[15];
 """
 
 
@@ -253,11 +262,11 @@ def random_hints(rng, count):
     frames = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0] + 0.05 * rng.normal(size=(count, 3, 3))
     forms = frames * np.where(frames[:, 2:3, 2:3] < 0, -1.0, 1.0)
     radius = rng.uniform(0.02, 0.5, count)
-    norms = np.linalg.norm(forms, axis=2)
-    growth = np.maximum(norms[:, 0], norms[:, 1]) + (radius + 0.1) * norms[:, 2]
     shift = 0.05 * rng.normal(size=(count, 4))
-    inputs, (forms, shift, radius, growth) = packed(forms, shift, radius, growth)
-    return inputs, light_hint.HalfVector(None, None, forms, shift.reshape(count, 2, 2), radius, growth)
+    hint = light_hint.bounded_half_vector(None, None, forms, shift.reshape(count, 2, 2), radius, np.ones((count, 2)))
+    inputs, (forms, shift, radius, growth, turn) = packed(forms, shift, radius, hint.ball_growth, hint.patch_turn)
+    shift = shift.reshape(count, 2, 2)
+    return inputs, light_hint.HalfVector(None, None, forms, shift, radius, hint.reach, turn, growth)
 
 
 def normals_near(rng, hint, spread):
@@ -281,11 +290,11 @@ def test_slopes_around_a_half_vector_and_the_tests_that_skip():
     osl = evaluate(
         HINT_HEADERS, HINT_BODY + """
   float p1 = 0; float p2 = 0;
-  vector n = vector(in[15], in[16], in[17]);
-  out[0] = hint_slope(hint, n, in[18], in[19], p1, p2);
+  vector n = vector(in[16], in[17], in[18]);
+  out[0] = hint_slope(hint, n, in[19], in[20], p1, p2);
   out[1] = p1; out[2] = p2;
-  out[3] = hint_reaches_ball(hint, n, in[20], in[18], in[19]);
-  out[4] = map_reaches_hint(hint, vector(in[21], in[22], 0), vector(in[23], in[24], 0), in[25]);
+  out[3] = hint_reaches_ball(hint, n, in[21], in[19], in[20]);
+  out[4] = map_reaches_hint(hint, vector(in[22], in[23], 0), vector(in[24], in[25], 0), in[26]);
 """, np.concatenate([columns, inputs], axis=1), 5,
     )
     valid, slopes = light_hint.hint_slope(hint, n, *offset.T)
@@ -306,17 +315,17 @@ def test_slopes_around_a_half_vector_and_the_tests_that_skip():
 
 PATCH_BODY = HINT_BODY + """
   Patch patch;
-  patch.n00 = vector(in[15], in[16], in[17]); patch.n10 = vector(in[18], in[19], in[20]);
-  patch.n01 = vector(in[21], in[22], in[23]); patch.n11 = vector(in[24], in[25], in[26]);
-  vector n = patch_normal(patch, in[29], in[30]);
+  patch.n00 = vector(in[16], in[17], in[18]); patch.n10 = vector(in[19], in[20], in[21]);
+  patch.n01 = vector(in[22], in[23], in[24]); patch.n11 = vector(in[25], in[26], in[27]);
+  vector n = patch_normal(patch, in[30], in[31]);
   PatchSlopes s;
   float p1 = 0; float p2 = 0; float c11 = 0; float c12 = 0; float c22 = 0;
   out[0] = n[0]; out[1] = n[1]; out[2] = n[2];
-  out[3] = patch_slopes(hint, patch, in[27], in[28], s);
-  out[4] = patch_slope(hint, s, in[29], in[30], p1, p2);
-  patch_covariance(s, in[29], in[30], in[31], in[32], in[33], in[34], c11, c12, c22);
+  out[3] = patch_slopes(hint, patch, in[28], in[29], s);
+  out[4] = patch_slope(hint, s, in[30], in[31], p1, p2);
+  patch_covariance(s, in[30], in[31], in[32], in[33], in[34], in[35], c11, c12, c22);
   out[5] = p1; out[6] = p2; out[7] = c11; out[8] = c12; out[9] = c22;
-  out[10] = patch_columns(patch, in[35]); out[11] = patch_rows(patch, in[35]);
+  out[10] = patch_columns(patch, in[36]); out[11] = patch_rows(patch, in[36]);
 """
 
 

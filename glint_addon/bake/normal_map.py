@@ -7,6 +7,7 @@ import numpy as np
 from ..errors import MapError
 
 LARGEST_SIDE = 32768  # texels; Cycles' own limit for a texture on the CPU is far above, memory is not
+LARGEST_VALUE = 1e6  # of a pixel, in a float image: fourth powers, scaled, must still fit a float32 in the shader
 CONVENTIONS = ("OPENGL", "DIRECTX")
 
 
@@ -16,7 +17,7 @@ def decoded_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str
     pixels: (height, width, channels >= 3), values 0..1, row 0 at the bottom as in bpy; convention: 'OPENGL' (+Y up)
     or 'DIRECTX' (green is flipped). Returns float32 (height, width, 3), not normalised: the Normal Map node
     normalises after interpolation, so must we.
-    Raises MapError for a wrong shape, NaN or infinite pixels, or a normal of length zero.
+    Raises MapError for a wrong shape, pixels that are NaN, infinite or beyond LARGEST_VALUE, and normals of length zero.
     Source: Cycles, node_normal_map.osl.
     """
     if convention not in CONVENTIONS:
@@ -26,9 +27,10 @@ def decoded_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str
     if max(pixels.shape[:2]) > LARGEST_SIDE:
         raise MapError(f'Normal map "{name}" is larger than {LARGEST_SIDE} texels a side: scale it down.')
     colors = np.asarray(pixels[..., :3], dtype=np.float32)
-    if not np.isfinite(colors).all():
-        count = int((~np.isfinite(colors).all(axis=2)).sum())
-        raise MapError(f'Normal map "{name}" has {count} pixels that are NaN or infinite: export it again.')
+    usable = np.abs(colors) <= LARGEST_VALUE  # NaN is not
+    if not usable.all():
+        count = int((~usable.all(axis=2)).sum())
+        raise MapError(f'Normal map "{name}" has {count} pixels that are NaN, infinite or huge: export it again.')
     normals = 2.0 * (colors - np.float32(0.5))
     if convention == "DIRECTX":
         normals[..., 1] *= -1.0
@@ -45,10 +47,15 @@ def decoded_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str
 def slope_bounds(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Smallest and largest slope (n.x / n.z, n.y / n.z) over the map, as two float32 arrays (2,).
 
-    Slopes of interpolated normals stay inside too, because they are convex combinations. If any normal lies at or
-    below the horizon there is no bound, and the result is (-inf, inf).
+    Slopes of interpolated normals stay inside too, because they are convex combinations. Where n.z is above 1, which
+    only float images hold, n.x and n.y themselves count too: strengths below 1 come nearer to these. If any normal
+    lies at or below the horizon there is no bound, and the result is (-inf, inf).
     """
     if not (normals[..., 2] > 0.0).all():
         return np.full(2, -np.inf, np.float32), np.full(2, np.inf, np.float32)
     slopes = normals[..., :2] / normals[..., 2:]
-    return slopes.min(axis=(0, 1)), slopes.max(axis=(0, 1))
+    low, high = slopes.min(axis=(0, 1)), slopes.max(axis=(0, 1))
+    if (normals[..., 2] > 1.0).any():
+        slopes = normals[..., :2] / np.minimum(normals[..., 2:], 1.0)
+        low, high = np.minimum(low, slopes.min(axis=(0, 1))), np.maximum(high, slopes.max(axis=(0, 1)))
+    return low, high

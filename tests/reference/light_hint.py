@@ -35,6 +35,8 @@ class HalfVector:
     forms: np.ndarray
     shift: np.ndarray
     radius: np.ndarray
+    reach: np.ndarray
+    patch_turn: np.ndarray
     ball_growth: np.ndarray
 
 
@@ -90,9 +92,17 @@ def half_vector(light, shape, kind_k_alpha, frame, footprint, dpdx, dpdy, view_t
         turns.append(np.einsum("nak,nk->na", axes, turn + half_turn / length[:, None]))
     turn = np.stack(turns, axis=-1)  # (n, slope, step)
     to_steps = np.stack([np.stack([footprint.xu, footprint.xv], -1), np.stack([footprint.yu, footprint.yv], -1)], -2)
-    norms = np.linalg.norm(forms, axis=-1)
-    growth = np.maximum(norms[:, 0], norms[:, 1]) + (radius + 0.1) * norms[:, 2]
-    return valid, HalfVector(h, axes, forms, turn @ to_steps, radius, growth)
+    extent = np.stack([np.hypot(footprint.ux, footprint.uy), np.hypot(footprint.vx, footprint.vy)], axis=-1) + 1.0
+    return valid, bounded_half_vector(h, axes, forms, turn @ to_steps, radius, extent)
+
+
+def bounded_half_vector(h, axes, forms, shift, radius, extent):
+    """HalfVector with its bounds; extent: (n, 2), how many texels along u and v elements may lie from the hit point."""
+    turns = np.linalg.norm(shift, axis=1)  # (n, texel)
+    reach = (turns * extent).sum(axis=-1)
+    spread = np.linalg.svd(forms[:, :2], compute_uv=False)[:, 0]
+    growth = spread + (radius + reach) * np.linalg.norm(forms[:, 2], axis=-1)
+    return HalfVector(h, axes, forms, shift, radius, reach, 0.5 * turns.sum(axis=-1), growth)
 
 
 def hint_slope(hint, n, offset_u, offset_v):
@@ -105,12 +115,12 @@ def hint_slope(hint, n, offset_u, offset_v):
 
 
 def hint_reaches_ball(hint, centre, ball, offset_u, offset_v):
-    """Whether any normal within a ball can lie in the region around h, and by how much (positive: it can)."""
+    """Whether any normal of a patch, all within a ball, can lie in the region around h; by how much (positive: yes)."""
     values = np.einsum("nfk,nk->nf", hint.forms, centre)
     along = values[:, 2]
     offset = np.stack(np.broadcast_arrays(offset_u, offset_v, along)[:2], axis=-1)
     x = values[:, :2] + along[:, None] * np.einsum("nst,nt->ns", hint.shift, offset)
-    limit = hint.radius * along + ball * hint.ball_growth
+    limit = (hint.radius + hint.patch_turn) * along + ball * hint.ball_growth
     margin = np.minimum(limit, limit - np.linalg.norm(x, axis=-1))
     return margin > 0, margin
 

@@ -22,6 +22,13 @@ def strengthened(n, strength):
     return np.stack([n[..., 0] * strength, n[..., 1] * strength, 1.0 + (n[..., 2] - 1.0) * share], axis=-1)
 
 
+def strengthened_bounds(low, high, strength):
+    """Slope bounds (..., 2) of a map whose slopes lie in low..high, at a strength."""
+    if strength < 1.0:
+        low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
+    return strength * low, strength * high
+
+
 def table_texel(table, i, j):
     """RGB of texel (i, j) of a table's padded pixels (height, width, 4), row 0 at the bottom."""
     return table[j, i, :3]
