@@ -17,7 +17,7 @@ def decoded_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str
     pixels: (height, width, channels >= 3), values 0..1, row 0 at the bottom as in bpy; convention: 'OPENGL' (+Y up)
     or 'DIRECTX' (green is flipped). Returns float32 (height, width, 3), not normalised: the Normal Map node
     normalises after interpolation, so must we.
-    Raises MapError for a wrong shape, pixels that are NaN, infinite or beyond LARGEST_VALUE, and normals of length zero.
+    Raises MapError for a wrong shape, pixels that are NaN, infinite or beyond LARGEST_VALUE, or a normal of length 0.
     Source: Cycles, node_normal_map.osl.
     """
     if convention not in CONVENTIONS:
