@@ -1,0 +1,171 @@
+"""Tables from the stored results, never typed: benchmarks/RESULTS.md, and the headline in the README's marked block."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from statistics import median
+
+from . import headline, methods, plots
+from .headline import BIAS_SPP, HEADLINE_SPP
+from .record import RESULTS, ROOT, machine_line, read_json
+from .run import FILE
+
+README = ROOT / "README.md"
+PAGE = ROOT / "benchmarks" / "RESULTS.md"
+BEGIN, END = "<!-- bench table: begin -->", "<!-- bench table: end -->"
+# Measured by modules of their own: each writes RESULTS/NAME.json and has `table(results) -> str`.
+OTHERS = {
+    "query": "One evaluation of the lobe",
+    "temporal": "Moving pictures",
+    "no_hints": "A scene without small lights",
+}
+STRESS = RESULTS / "stress.json"
+MEGABYTE = 1e6
+
+
+def write_report():
+    """Draw the plots, write RESULTS.md and the README's block, all from the results that there are.
+
+    Raises FileNotFoundError if no scene was measured, ValueError if the README has no block for the table.
+    """
+    results = read_json(FILE)
+    lines = headline.headlines(results)
+    plots.draw_all(results, lines)
+    PAGE.write_text(page(results, lines), encoding="utf-8")
+    readme = README.read_text(encoding="utf-8")
+    README.write_text(with_block(readme, headline_table(lines, results)), encoding="utf-8")
+
+
+def with_block(readme: str, table: str) -> str:
+    """The text `readme` with `table` between the marks. Raises ValueError if there is not one such block."""
+    if readme.count(BEGIN) != 1 or readme.count(END) != 1:
+        raise ValueError(f"The README needs one block between {BEGIN} and {END}: put the marks back.")
+    before, rest = readme.split(BEGIN)
+    return f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}"
+
+
+def headline_table(lines, results) -> str:
+    """Markdown: the headline figures over the suite, and over the scenes that only small lights light."""
+    small = [line for line in lines if line.small_lights]
+    rows = [("", f"all {len(lines)} scenes", f"the {len(small)} lit by small lights only")]
+    rows.append(("---", "---", "---"))
+    figures = (
+        (f"time of Blender's nodes to Glint's error at {HEADLINE_SPP} spp / Glint's time: median", _median_text),
+        ("the same, worst scene", lambda chosen: _scene_text(headline.worst_speed_up(chosen))),
+        ("the same, best scene", lambda chosen: _scene_text(headline.best_speed_up(chosen))),
+        (f"worst energy bias of Glint at {BIAS_SPP} spp, with its own uncertainty", _bias_text),
+        ("cost of a sample of Glint / of Blender's nodes under OSL: median, worst", _sample_text),
+    )
+    rows += [(name, *(text(chosen) if chosen else "" for chosen in (lines, small))) for name, text in figures]
+    footer = "\\* extrapolated by the nodes' law, error² = c / spp, from the largest budget measured (5 s)."
+    return _markdown(rows) + f"\n\n{footer}\n{machines(results)}"
+
+
+def page(results, lines) -> str:
+    """The whole of RESULTS.md."""
+    parts = ["# Results", "Written by `python -m benchmarks report` from the files in `results/`; what each number "
+             "means is in [README.md](README.md).", "## Headline", headline_table(lines, results),
+             "![Speed-up of each scene](../docs/benchmark.png)", "## Scenes", scene_table(lines)]
+    for name, title in OTHERS.items():
+        file = RESULTS / f"{name}.json"
+        if file.is_file():
+            parts += [f"## {title}", import_module(f".{name}", __package__).table(read_json(file)).strip()]
+    parts += ["## Error against time"]
+    for name, result in results["scenes"].items():
+        parts += [f"### {name}", _about(result), f"![Error against time](plots/{name}.png)", row_table(result)]
+    if STRESS.is_file():
+        parts += ["## Stress", stress_table(read_json(STRESS))]
+    return "\n\n".join(parts) + "\n"
+
+
+def scene_table(lines) -> str:
+    """Markdown: one line for each scene, how long Blender's nodes take to the lobe's error."""
+    rows = [
+        ("scene", "texels a pixel", f"Glint {HEADLINE_SPP} spp: error", "seconds", "nodes: seconds to it", "ratio",
+         "nodes' exponent", "bias at 64 spp", "µs a sample: Glint", "nodes, OSL", "nodes"),
+        ("---", *["---:"] * 10),
+    ]
+    for line in lines:
+        rows.append((
+            line.scene + ("" if line.small_lights else " (large lights)"), f"{line.texels:g}", f"{line.error:.3f}",
+            f"{line.lobe_seconds:.3f}", f"{line.nodes_seconds:.3g}{_mark(line)}", f"{line.speed_up:.3g}{_mark(line)}",
+            f"{line.law.exponent:.2f}", _bias(line), f"{line.lobe_microseconds:.2f}",
+            f"{line.nodes_osl_microseconds:.2f}", f"{line.nodes_microseconds:.2f}",
+        ))
+    return _markdown(rows)
+
+
+def row_table(result) -> str:
+    """Markdown: every measurement of one scene."""
+    rows = [("method", "spp", "seconds", "relative RMSE", "relMSE", "bias", "µs a sample", "memory, MB", "tables, MB",
+             "pictures", "R"), ("---", *["---:"] * 10)]
+    labels = {method.name: method.label for method in methods.METHODS}
+    for row in result["rows"]:
+        rows.append((
+            labels[row["method"]], row["spp"], f"{row['seconds']:.3f}", f"{row['rmse']:.4f}", f"{row['relmse']:.3g}",
+            f"{row['bias']:+.1%}", f"{row['microseconds']:.2f}", f"{row['memory'] / MEGABYTE:.0f}",
+            f"{row['table_bytes'] / MEGABYTE:.1f}", row["seeds"], row["repeats"],
+        ))
+    return _markdown(rows)
+
+
+def stress_table(cases) -> str:
+    """Markdown: every stress case with its outcome."""
+    rows = [("group", "case", "outcome", "nodes", "Glint", "deviations", "note")]
+    rows.append(("---",) * 3 + ("---:",) * 3 + ("---",))
+    for case in cases:
+        values = (case.get(key) for key in ("group", "case", "outcome", "nodes", "lobe", "deviations", "note"))
+        rows.append(tuple(_cell(value) for value in values))
+    return _markdown(rows)
+
+
+def machines(results) -> str:
+    """One sentence for each machine and state of the program that measured scenes."""
+    return " ".join(sorted({machine_line(result["machine"]) for result in results["scenes"].values()}))
+
+
+def _about(result):
+    truth = result["truth"]
+    return (f"About {result['texels']:g} texels in a pixel. Truth: {truth['seeds']} x {truth['spp']} spp, own noise "
+            f"{truth['noise']:.2%}, of its mean {truth['bias_noise']:.2%}. Scene {result['scene_hash']}, "
+            f"{machine_line(result['machine'])}")
+
+
+def _mark(line):
+    return "\\*" if line.extrapolated else ""
+
+
+def _median_text(lines):
+    value, extrapolated = headline.median_speed_up(lines)
+    return f"**{value:.3g}**" + ("\\*" if extrapolated else "")
+
+
+def _scene_text(line):
+    return f"{line.speed_up:.3g}{_mark(line)} ({line.scene})"
+
+
+def _bias(line):
+    spp = "" if line.bias_spp == BIAS_SPP else f" at {line.bias_spp} spp"
+    return f"{line.bias:+.2%} ± {line.bias_noise:.2%}{spp}"
+
+
+def _bias_text(lines):
+    worst = headline.worst_bias(lines)
+    return f"{_bias(worst)} ({worst.scene})"
+
+
+def _sample_text(lines):
+    worst = max(lines, key=lambda line: line.sample_ratio)
+    return f"{median(line.sample_ratio for line in lines):.3g}, {worst.sample_ratio:.3g} ({worst.scene})"
+
+
+def _cell(value):
+    """A value as it may stand in a Markdown cell."""
+    if value is None:
+        return ""
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def _markdown(rows):
+    return "\n".join("| " + " | ".join(str(cell) for cell in row) + " |" for row in rows)
