@@ -6,10 +6,10 @@ MAKEFLAGS += --no-print-directory
 STAMP := .venv/.glint-stamp
 VENV_PYTHON := .venv/bin/python
 
-.PHONY: help setup demo test lint package clean
+.PHONY: help setup demo test lint package truth bench bench-quick clean
 
 help:  ## Say what each target does
-	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
 
 setup: $(STAMP)  ## Make the development environment (.venv)
 	@:
@@ -28,6 +28,15 @@ lint: $(STAMP)  ## Check the style
 
 package: $(STAMP)  ## Build and validate the extension in dist/
 	@$(VENV_PYTHON) tools/package.py
+
+truth: $(STAMP)  ## Render the stored truth of a scene of the benchmark again (SCENE=name; minutes to hours)
+	@$(VENV_PYTHON) -m benchmarks truth $(or $(SCENE),$(error Say which scene: make truth SCENE=name))
+
+bench: $(STAMP)  ## Measure run time against error, write tables and plots (40 minutes on an idle machine)
+	@$(VENV_PYTHON) -m benchmarks run $(ARGS)
+
+bench-quick: $(STAMP)  ## Compare what the lobe does on two scenes with the limits (counts; times inform)
+	@$(VENV_PYTHON) -m benchmarks quick
 
 clean:  ## Remove what is built; the environment stays
 	@rm -rf dist out .pytest_cache .ruff_cache .hypothesis

@@ -13,6 +13,7 @@ from .run import FILE
 README = ROOT / "README.md"
 PAGE = ROOT / "benchmarks" / "RESULTS.md"
 BEGIN, END = "<!-- bench table: begin -->", "<!-- bench table: end -->"
+NOTHING = "Not measured yet: `make bench` does."
 # Measured by modules of their own: each writes RESULTS/NAME.json and has `table(results) -> str`.
 OTHERS = {
     "query": "One evaluation of the lobe",
@@ -26,14 +27,20 @@ MEGABYTE = 1e6
 def write_report():
     """Draw the plots, write RESULTS.md and the README's block, all from the results that there are.
 
-    Raises FileNotFoundError if no scene was measured, ValueError if the README has no block for the table.
+    Raises ValueError if the README has no block for the table.
     """
-    results = read_json(FILE)
+    results = stored_results()
     lines = headline.headlines(results)
-    plots.draw_all(results, lines)
+    if lines:
+        plots.draw_all(results, lines)
     PAGE.write_text(page(results, lines), encoding="utf-8")
     readme = README.read_text(encoding="utf-8")
-    README.write_text(with_block(readme, headline_table(lines, results)), encoding="utf-8")
+    README.write_text(with_block(readme, readme_block(lines, results)), encoding="utf-8")
+
+
+def stored_results() -> dict:
+    """What was measured of the scenes so far."""
+    return read_json(FILE) if FILE.is_file() else {"scenes": {}}
 
 
 def with_block(readme: str, table: str) -> str:
@@ -42,6 +49,11 @@ def with_block(readme: str, table: str) -> str:
         raise ValueError(f"The README needs one block between {BEGIN} and {END}: put the marks back.")
     before, rest = readme.split(BEGIN)
     return f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}"
+
+
+def readme_block(lines, results) -> str:
+    """Markdown for the README: the summary picture and the headline figures."""
+    return f"{_picture('docs/benchmark.png')}\n\n{headline_table(lines, results)}" if lines else NOTHING
 
 
 def headline_table(lines, results) -> str:
@@ -64,8 +76,7 @@ def headline_table(lines, results) -> str:
 def page(results, lines) -> str:
     """The whole of RESULTS.md."""
     parts = ["# Results", "Written by `python -m benchmarks report` from the files in `results/`; what each number "
-             "means is in [README.md](README.md).", "## Headline", headline_table(lines, results),
-             "![Speed-up of each scene](../docs/benchmark.png)", "## Scenes", scene_table(lines)]
+             "means is in [README.md](README.md).", "## Headline", *_overview(lines, results)]
     for name, title in OTHERS.items():
         file = RESULTS / f"{name}.json"
         if file.is_file():
@@ -122,6 +133,16 @@ def stress_table(cases) -> str:
 def machines(results) -> str:
     """One sentence for each machine and state of the program that measured scenes."""
     return " ".join(sorted({machine_line(result["machine"]) for result in results["scenes"].values()}))
+
+
+def _overview(lines, results):
+    if not lines:
+        return [NOTHING]
+    return [headline_table(lines, results), _picture("../docs/benchmark.png"), "## Scenes", scene_table(lines)]
+
+
+def _picture(path):
+    return f"![How many times longer Blender's nodes take to Glint's error, by scene]({path})"
 
 
 def _about(result):
