@@ -7,38 +7,46 @@ struct Hit {
   float i;       /* whole part: the texel or patch */
   float j;
   vector n;      /* tangent-space normal, not normalised */
-  Patch patch;   /* Linear only */
 };
 
+/* The bilinear patch around the hit point; Linear only. */
+Patch hit_patch(output Map map, Hit hit)
+{
+  return map_patch(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
+}
+
 /* Look up the map at UV coordinates. Coordinates are taken within one repeat first: far UVs must not lose precision. */
-Hit map_hit(Map map, point uv)
+Hit map_hit(output Map map, point uv)
 {
   Hit hit;
   hit.u = (uv[0] - floor(uv[0])) * map.width - (map.is_linear ? 0.5 : 0.0);
   hit.v = (uv[1] - floor(uv[1])) * map.height - (map.is_linear ? 0.5 : 0.0);
   hit.i = floor(hit.u);
   hit.j = floor(hit.v);
-  int i = wrapped((int)hit.i, map.width);
-  int j = wrapped((int)hit.j, map.height);
-  if (map.is_linear) {
-    hit.patch = map_patch(map, i, j);
-    hit.n = patch_normal(hit.patch, hit.u - hit.i, hit.v - hit.j);
+  if (!map.is_linear) {
+    hit.n = map_normal(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
+  }
+  else if (hit.i >= 0 && hit.j >= 0 && hit.i + 1 < map.width && hit.j + 1 < map.height) {
+    map.fetches += 1;
+    hit.n = strengthened(table_between(map.table, map.inverse_padded_width, map.inverse_padded_height, hit.u + 0.5,
+                                       hit.v + 0.5), map.strength);
   }
   else {
-    hit.n = map_normal(map, i, j);
+    /* Interpolate over the map's edge, where the padded table has other things. */
+    hit.n = patch_normal(hit_patch(map, hit), hit.u - hit.i, hit.v - hit.j);
   }
   return hit;
 }
 
 /* One patch under a footprint smaller than a texel: its slopes vary linearly there, so one closure is enough. */
-closure color patch_closure(string distribution, float alpha, Map map, Hit hit, NormalFrame frame, Footprint footprint,
-                            HalfVector hint)
+closure color patch_closure(string distribution, float alpha, Patch patch, Hit hit, NormalFrame frame,
+                            Footprint footprint, HalfVector hint)
 {
   HalfVector own = hint;
   own.h = normalize(frame_to_world(frame, hit.n));
   slope_axes(frame, own);
   PatchSlopes slopes;
-  patch_slopes(own, hit.patch, hit.i - hit.u, hit.j - hit.v, slopes);
+  patch_slopes(own, patch, hit.i - hit.u, hit.j - hit.v, slopes);
   float c11, c12, c22;
   float deviation = sqrt(KERNEL_VARIANCE);
   patch_covariance(slopes, hit.u - hit.i, hit.v - hit.j, deviation * footprint.ux, deviation * footprint.vx,
@@ -81,25 +89,28 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
 }
 
 /* The lobe for colour 1. plain: the closure of the hit's own normal, which is the whole answer where no hinted light can
- * glint. lights, shapes: see light_hint.h; low, high: slope bounds of the map, none where they are equal. */
-closure color glint_lobe(string distribution, float alpha, Map map, vector low, vector high, NormalFrame frame, Hit hit,
-                         vector lights[8], vector shapes[8], float samples, float du_dx, float du_dy, float dv_dx,
-                         float dv_dy, closure color plain, output color counters)
+ * glint. lights, shapes: see light_hint.h; low, high: slope bounds of the map, none where they are equal. left: why it is
+ * the answer (counters.h); hint_count: hints that the map answers here. */
+closure color glint_lobe(string distribution, float alpha, output Map map, vector low, vector high, NormalFrame frame,
+                         Hit hit, vector lights[8], vector shapes[8], float samples, float du_dx, float du_dy,
+                         float dv_dx, float dv_dy, closure color plain, output color counters, output int left,
+                         output int hint_count)
 {
   vector dpdx = Dx(P);
   vector dpdy = Dy(P);
   Footprint footprint;
   if (!ray_footprint(dpdx, dpdy, I, Ng, footprint_radius(samples), du_dx, du_dy, dv_dx, dv_dy, footprint)) {
+    left = LEFT_NO_FOOTPRINT;
     return plain;
   }
   int mode = query_mode(footprint);
   if (mode == MODE_SINGLE && !map.is_linear) {
+    left = LEFT_WITHIN_TEXEL;
     return plain;
   }
 
   /* Keep the hints that the map can answer here. */
   HalfVector hints[8];
-  int hint_count = 0;
   float view_turn = length(Dx(I)) / length(dpdx);
   float region = REGION * alpha;
   float extent_u = sqrt(footprint.ux * footprint.ux + footprint.uy * footprint.uy) + 1.0;
@@ -117,11 +128,17 @@ closure color glint_lobe(string distribution, float alpha, Map map, vector low, 
     }
   }
   if (hint_count == 0) {
+    left = LEFT_NOT_REACHED;
     return plain;
+  }
+  Patch patch;
+  if (map.is_linear) {
+    patch = hit_patch(map, hit);
   }
   if (mode == MODE_SINGLE) {
     counters = color(1, 1, mode);
-    return patch_closure(distribution, alpha, map, hit, frame, footprint, hints[0]);
+    left = LEFT_WITHIN_TEXEL;
+    return patch_closure(distribution, alpha, patch, hit, frame, footprint, hints[0]);
   }
 
   Selection s;
@@ -132,7 +149,7 @@ closure color glint_lobe(string distribution, float alpha, Map map, vector low, 
   /* The remainder is the sample's own normal, unless the query has it. */
   closure color remainder = 0;
   int closures = 0;
-  if (!hit_is_selected(map, hints, hint_count, alpha, mode, hit.patch, hit.u - hit.i, hit.v - hit.j, hit.n)) {
+  if (!hit_is_selected(map, hints, hint_count, alpha, mode, patch, hit.u - hit.i, hit.v - hit.j, hit.n)) {
     remainder = plain;
     closures = 1;
   }

@@ -9,10 +9,18 @@ struct Map {
   float inverse_padded_height;
   float strength;
   int is_linear;
+  int fetches; /* texture() calls so far; costs nothing unless the shader's output Costs is linked */
 };
 
-vector map_normal(Map map, int i, int j)
+int map_is_intact(output Map map)
 {
+  map.fetches += 1;
+  return table_is_intact(map.table, map.inverse_padded_width, map.inverse_padded_height);
+}
+
+vector map_normal(output Map map, int i, int j)
+{
+  map.fetches += 1;
   return strengthened(
       table_texel(map.table, map.inverse_padded_width, map.inverse_padded_height, i, j), map.strength);
 }
@@ -25,7 +33,7 @@ struct Patch {
   vector n11;
 };
 
-Patch map_patch(Map map, int i, int j)
+Patch map_patch(output Map map, int i, int j)
 {
   int i1 = i + 1 < map.width ? i + 1 : 0;
   int j1 = j + 1 < map.height ? j + 1 : 0;

@@ -84,7 +84,7 @@ int hit_is_selected(Map map, HalfVector hints[8], int hint_count, float alpha, i
 }
 
 /* Select what one texel holds. A normal belongs to the first hint in whose region it lies, or it would count twice. */
-void visit_texel(Map map, HalfVector hints[8], int hint_count, int i, int j, float offset_u, float offset_v,
+void visit_texel(output Map map, HalfVector hints[8], int hint_count, int i, int j, float offset_u, float offset_v,
                  float weight, output Selection s)
 {
   vector n = map_normal(map, i, j);
@@ -99,12 +99,13 @@ void visit_texel(Map map, HalfVector hints[8], int hint_count, int i, int j, flo
 
 /* Select what one patch holds, or in MODE_POINTS its point (a, b), whose share of the footprint has the deviations
  * (first_a, first_b) and (second_a, second_b). offset: of the patch's lower left corner. */
-void visit_patch(Map map, HalfVector hints[8], int hint_count, float alpha, int mode, int i, int j, float offset_u,
+void visit_patch(output Map map, HalfVector hints[8], int hint_count, float alpha, int mode, int i, int j, float offset_u,
                  float offset_v, float a, float b, float first_a, float first_b, float second_a, float second_b,
                  float weight, output Selection s)
 {
   /* Skip patches that no half vector can reach, by one fetch. */
   float ball = 0;
+  map.fetches += 1;
   vector centre = strengthened(patch_bounds(map.table, map.inverse_padded_width, map.inverse_padded_height,
                                             map.layer_rows, i, j, ball), map.strength);
   ball *= max(map.strength, 1.0);
@@ -156,7 +157,7 @@ void visit_patch(Map map, HalfVector hints[8], int hint_count, float alpha, int 
 /* Select the elements within the footprint around the texel coordinates (u, v) (for Linear, less half a texel).
  * shift_1, shift_2: two uniform numbers of this sample. Returns the sum of the kernel's weights over the visited
  * elements, which the selected weights are relative to. */
-float glint_query(Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, int mode, float u,
+float glint_query(output Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, int mode, float u,
                   float v, float shift_1, float shift_2, output Selection s, output int visited)
 {
   s.count = 0;

@@ -8,6 +8,13 @@ color table_texel(string table, float inverse_padded_width, float inverse_padded
   return texture(table, (i + 0.5) * inverse_padded_width, (j + 0.5) * inverse_padded_height, 0, 0, 0, 0);
 }
 
+/* Value between texels at (x, y) in texels, the centre of texel (i, j) being (i + 0.5, j + 0.5), as Cycles interpolates
+ * it; only where all four texels around lie in the map. */
+color table_between(string table, float inverse_padded_width, float inverse_padded_height, float x, float y)
+{
+  return texture(table, x * inverse_padded_width, y * inverse_padded_height, 0, 0, 0, 0);
+}
+
 /* Bounds of the bilinear patch at texel (i, j), from the layer above: centre, and as radius the distance of the farthest
  * corner. inverse_padded_height is that of the whole texture, layer_rows of one layer. */
 color patch_bounds(string table, float inverse_padded_width, float inverse_padded_height, int layer_rows, int i, int j,

@@ -4,25 +4,30 @@ from __future__ import annotations
 
 import re
 
+import bpy
 import numpy as np
 import pytest
 
-from demo_scenes import maps
+from demo_scenes import maps, stage
 from glint_addon import paths
 from glint_addon.material import create_glint_material, glint_groups
 from glint_addon.nodes import glint_lights
-from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
 from glint_addon.prepare import prepare_scene
 
 from .helpers import cycles
+from .helpers.counters import MODES, REASONS, counters, show
 
 LARGEST_VISIT = 4096  # osl/query.h
 LARGEST_CLOSURES = 61  # the budget of osl/selection.h and the remainder; Cycles keeps 64
-MODE_PLAIN, MODE_SINGLE, MODE_POINTS, MODE_ALL, MODE_SUBSET = range(5)
+MODE = {name: number for number, name in MODES.items()}
+REASON = {name: number for number, name in REASONS.items()}
+PLAIN_FETCHES = 2  # the texel or the interpolated normal, and the one that proves that the table is whole
+SEAM_FETCHES = 3  # more, where Linear interpolates over the map's edge: its four corners instead of one
+SHADOW_SCALE = 0.05  # counts to transparency: small, so that nothing clips
 
 
-def counters(*, texels, interpolation="LINEAR", suns=1, direction=(0, 1, 1), std=0.15, connect=True):
-    """(visited, closures, mode) of each pixel, (16 * 16, 3), over a map with about `texels` texels along a pixel."""
+def build(*, texels, interpolation="LINEAR", suns=1, direction=(0, 1, 1), std=0.15, **settings):
+    """A prepared scene with about `texels` texels of a map along a pixel: (scene, plane, material)."""
     scene = cycles.empty_scene(size=(16, 16))
     cycles.box_filter(scene)
     pixels = maps.bumps(256, std=std) if interpolation == "LINEAR" else maps.flakes(256, std=std)
@@ -31,54 +36,155 @@ def counters(*, texels, interpolation="LINEAR", suns=1, direction=(0, 1, 1), std
     cycles.add_camera(scene, (0, -3, 3), (0, 0, 0), width=1.0)
     for index in range(suns):
         cycles.add_sun(scene, np.add(direction, (0.1 * index, 0, 0)), angle=0.01)
-    material = create_glint_material("Glint", maps.blender_image("Map", pixels), interpolation=interpolation)
+    image = maps.blender_image("Map", pixels)
+    material = create_glint_material("Glint", image, interpolation=interpolation, **settings)
     plane.data.materials.append(material)
     prepare_scene(scene)
-    show_counters(glint_groups(material)[0])
-    return cycles.rendered(scene)[..., :3].reshape(-1, 3)
+    return scene, plane, material
 
 
-def show_counters(group):
-    """Let the group shine with its shader's counters."""
-    emission = group.nodes.new("ShaderNodeEmission")
-    output = next(node for node in group.nodes if node.bl_idname == "NodeGroupOutput")
-    group.links.new(group.nodes[SCRIPT_NODE].outputs["Counters"], emission.inputs["Color"])
-    group.links.new(emission.outputs["Emission"], output.inputs["BSDF"])
+def counts_of(**settings):
+    """Counts of the pixels of such a scene; the material fills the view."""
+    scene, _, material = build(**settings)
+    seen = counters(scene, material)
+    assert seen.seen.all()
+    return seen
 
 
-def test_without_a_light_there_is_one_closure_and_no_query():
-    assert (counters(texels=10, suns=0) == (0, 1, MODE_PLAIN)).all()
+def assert_plain(seen, reason, fetches):
+    """One closure, no query, for this reason."""
+    assert (seen.visited == 0).all() and (seen.closures == 1).all() and (seen.mode == MODE["PLAIN"]).all()
+    assert (seen.reason == REASON[reason]).all() and seen.share_left_early == 1.0
+    assert np.isin(seen.fetches, fetches).all()
 
 
-def test_a_light_that_no_normal_of_the_map_can_mirror_costs_no_query():
+# --- what a scene does not need ---
+
+
+@pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
+def test_without_a_light_there_is_one_closure_and_no_fetch_beyond_those_of_blenders_own_nodes(interpolation):
+    assert_plain(counts_of(texels=10, suns=0, interpolation=interpolation), "NO_HINT", [0])
+
+
+def test_a_light_that_no_normal_of_the_map_can_mirror_costs_the_fetches_of_a_plain_normal_map():
     # Half vectors 40 degrees and more off a map of slopes below 0.1.
-    assert (counters(texels=10, std=0.02, direction=(0, -1, 0.1)) == (0, 1, MODE_PLAIN)).all()
+    seen = counts_of(texels=10, std=0.02, direction=(0, -1, 0.1))
+    assert_plain(seen, "NOT_REACHED", [PLAIN_FETCHES, PLAIN_FETCHES + SEAM_FETCHES])
+    # The map repeats every 25 pixels, so a row and a column of the picture may meet its edges.
+    assert (seen.fetches == PLAIN_FETCHES).mean() > 0.85
 
 
-@pytest.mark.parametrize(("interpolation", "visited", "mode"), [("LINEAR", 1, MODE_SINGLE), ("CLOSEST", 0, MODE_PLAIN)])
-def test_a_footprint_within_a_texel_is_one_closure(interpolation, visited, mode):
-    assert (counters(texels=0.2, interpolation=interpolation) == (visited, 1, mode)).all()
+def test_without_strength_the_map_is_not_queried():
+    assert_plain(counts_of(texels=10, interpolation="CLOSEST", strength=0.0), "FLAT", [PLAIN_FETCHES])
+
+
+def test_a_light_that_animation_switched_off_costs_nothing_and_later_ones_stay():
+    scene, _, material = build(texels=10, suns=2)
+    first = next(lamp for lamp in scene.objects if lamp.name == "Sun").data
+    both = counters(scene, material)
+    for frame, energy in ((1, 1.0), (2, 0.0)):
+        first.energy = energy
+        first.keyframe_insert("energy", frame=frame)
+    scene.frame_set(2)
+    one = counters(scene, material)
+    assert both.hints.max() == 2 and one.hints.max() == 1
+    bpy.data.objects["Sun.001"].hide_render = True
+    assert_plain(counters(scene, material), "NO_HINT", [0])
+
+
+@pytest.mark.parametrize("ray", ["diffuse", "shadow"])
+def test_diffuse_and_shadow_rays_make_one_closure_and_no_query(ray):
+    """A white floor below the camera, lit by what the glint plane above it shows of its counters."""
+    answers = {}
+    for output in ("Counters", "Costs"):
+        scene, plane, material = build(texels=10, interpolation="CLOSEST", direction=(0, 0, 1))
+        plane.location.z = 1.0
+        floor = cycles.add_plane(scene, 1.0, material=stage.diffuse_material("White", (1, 1, 1)))
+        cycles.add_camera(scene, (0, -0.5, 0.5), (0, 0, 0), width=0.3)
+        (group,) = glint_groups(material)
+        if ray == "diffuse":
+            bpy.data.lights["Sun"].color = (0, 0, 0)
+            show(group, output)
+            material.cycles.emission_sampling = "NONE"
+        else:
+            show(group, output, surface="ShaderNodeBsdfTransparent", scale=SHADOW_SCALE)
+            scene.cycles.max_bounces = 0
+        scene.cycles.samples = 16
+        picture = cycles.rendered(scene)[..., :3].reshape(-1, 3)
+        assert floor.visible_get() and picture.max() > 0
+        answers[output] = picture
+
+    # Each ray brings the same counts, so pixels differ in brightness alone.
+    visited, closures, mode = answers["Counters"].T
+    assert not visited.any() and not mode.any() and closures.max() > 0
+    fetches, reason, hints = answers["Costs"].T
+    assert not hints.any()
+    np.testing.assert_allclose(reason, REASON["SECONDARY"] / PLAIN_FETCHES * fetches, rtol=1e-5)
+
+
+def test_what_a_mirror_shows_is_queried_as_what_the_camera_sees():
+    # From below, where the plane's underside mirrors the view.
+    scene, plane, material = build(texels=10, direction=(0, 1, -1))
+    plane.location.z = 1.0
+    cycles.add_plane(scene, 1.0, material=stage.glossy_material("Mirror", roughness=0.0))
+    cycles.add_camera(scene, (0, -0.5, 0.5), (0, 0, 0), width=0.3)
+    bpy.data.lights["Sun"].color = (0, 0, 0)
+    (group,) = glint_groups(material)
+    show(group, "Counters")
+    picture = cycles.rendered(scene)[..., :3]
+    assert (picture[..., 2] >= MODE["POINTS"]).mean() > 0.9 and (picture[..., 0] > 1).mean() > 0.9
+
+
+# --- what a query costs ---
+
+
+def test_a_footprint_within_a_patch_is_one_closure():
+    seen = counts_of(texels=0.2)
+    assert (seen.visited == 1).all() and (seen.closures == 1).all() and (seen.mode == MODE["SINGLE"]).all()
+    assert seen.share_left_early == 1.0 and (seen.reason == REASON["WITHIN_TEXEL"]).all()
+
+
+def test_a_footprint_within_a_texel_is_one_closure():
+    assert_plain(counts_of(texels=0.2, interpolation="CLOSEST"), "WITHIN_TEXEL", [PLAIN_FETCHES])
 
 
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
 def test_every_element_under_the_footprint_is_visited_once(interpolation):
-    seen = counters(texels=10, interpolation=interpolation)
+    seen = counts_of(texels=10, interpolation=interpolation)
     # An ellipse of 1.1 pixels at one sample, seen at 45 degrees: stretched by sqrt(2), ten texels a pixel.
     area = np.pi * 11.0 * 11.0 * np.sqrt(2.0)
-    assert (seen[:, 2] == MODE_ALL).all()
-    assert seen[:, 0].mean() == pytest.approx(area, rel=0.02)
-    assert seen[:, 0].std() < 0.03 * area
-    assert 1 <= seen[:, 1].max() <= LARGEST_CLOSURES
+    assert (seen.mode == MODE["ALL"]).all() and seen.share_left_early == 0.0
+    assert seen.visited.mean() == pytest.approx(area, rel=0.02)
+    assert seen.visited.std() < 0.03 * area
+    assert 1 <= seen.closures.max() <= LARGEST_CLOSURES
+
+
+def test_a_texel_is_fetched_once_and_a_patch_once_or_with_its_corners_where_a_light_reaches_it():
+    seen = counts_of(texels=10, interpolation="CLOSEST")
+    np.testing.assert_array_equal(seen.fetches, PLAIN_FETCHES + seen.visited)
+    seen = counts_of(texels=10)
+    corners = seen.fetches - seen.visited - PLAIN_FETCHES - 4  # the hit's own patch
+    assert (corners >= 0).all() and (corners <= 4 * seen.visited + SEAM_FETCHES).all()
+    # One patch in three, at least, is told from its bounds alone.
+    assert corners.mean() < 4 * seen.visited.mean() * 2 / 3
+
+
+def test_more_samples_mean_smaller_footprints():
+    scene, _, material = build(texels=10)
+    seen = [counters(scene, material, samples).visited.mean() for samples in (1, 64)]
+    # footprint.h: the radius falls with samples^0.21, the area with its square.
+    assert seen[1] / seen[0] == pytest.approx(64 ** -0.42, rel=0.1)
+    assert scene.cycles.samples == 1 and counters(scene, material).visited.mean() == seen[0], "the scene is as before"
 
 
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
 @pytest.mark.parametrize("suns", [1, 2, 4, 8])
 def test_far_views_visit_and_return_no_more_than_the_bounds(interpolation, suns):
-    seen = counters(texels=100, interpolation=interpolation, suns=suns)
-    assert (seen == seen.round()).all()
-    assert (seen[:, 2] == MODE_SUBSET).all()
-    assert (seen[:, 0] == LARGEST_VISIT).all()
-    assert 8 < seen[:, 1].max() <= LARGEST_CLOSURES
+    seen = counts_of(texels=100, interpolation=interpolation, suns=suns)
+    assert (seen.mode == MODE["SUBSET"]).all()
+    assert (seen.visited == LARGEST_VISIT).all()
+    assert (seen.closures == seen.closures.round()).all()
+    assert 8 < seen.closures.max() <= LARGEST_CLOSURES
 
 
 def test_the_shader_and_the_lights_group_agree_on_their_constants():

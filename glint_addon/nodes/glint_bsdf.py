@@ -16,7 +16,7 @@ from .builder import STAMP, add_input, add_node, add_output, arrange, local_grou
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
-VERSION = 1
+VERSION = 2
 SCRIPT_NODE = "Glint"
 LIGHTS_NODE = "Lights"
 DISTRIBUTIONS = ("BECKMANN", "GGX")

@@ -1,0 +1,11 @@
+/* Why a sample left before the query; the second number of the output Costs. 0: it did not. */
+
+#define LEFT_NOT 0
+#define LEFT_NO_HINT 1      /* no hinted light, no table, or too few closures: known before the render */
+#define LEFT_NO_TABLE 2     /* table missing, damaged or shrunk */
+#define LEFT_NO_TANGENT 3   /* mesh without tangents of the UV map */
+#define LEFT_SECONDARY 4    /* shadow ray, or after a diffuse bounce */
+#define LEFT_FLAT 5         /* Strength 0 */
+#define LEFT_NO_FOOTPRINT 6 /* UVs without derivatives */
+#define LEFT_WITHIN_TEXEL 7 /* footprint within a texel (Closest) or patch (Linear) */
+#define LEFT_NOT_REACHED 8  /* no normal of the map mirrors a hinted light here */
