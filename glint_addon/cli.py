@@ -149,13 +149,13 @@ def scene_facts() -> list[dict]:
 
 def prepare(scene) -> list[str]:
     """Prepare `scene`, keep the report on it, and return it as lines."""
-    from .operators.prepare import summary
+    from .operators.prepare import counts_line, summary
     from .operators.scene_state import store_report
     from .prepare import prepare_scene
 
     report = prepare_scene(scene, progress=show_progress)
     store_report(scene, report)
-    return [summary(report), *(f"Warning: {sentence}" for sentence in report["warnings"])]
+    return [summary(report), counts_line(report), *(f"Warning: {sentence}" for sentence in report["warnings"])]
 
 
 def show_progress(fraction: float, text: str):

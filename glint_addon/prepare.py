@@ -10,41 +10,54 @@ from . import paths
 from .bake.normal_map import decoded_normals, slope_bounds
 from .bake.table import bake_table
 from .images import image_pixels, image_stamp
+from .lights.animation import is_animated
 from .lights.drivers import connect_hints
-from .lights.hints import scene_hints
+from .lights.hints import rendered_objects, scene_hints
 from .material import glint_groups
 from .nodes import glint_bsdf, glint_lights, image_texture
 from .nodes.script_node import osl_available
+from .visibility import unseen_objects
 
+COUNTS = ("tables_baked", "tables_in_use", "bytes_baked", "bytes_in_use", "images_read")
 
-def prepare_scene(scene, progress=None) -> dict:
+def prepare_scene(scene, progress=None, *, bake_unseen=None) -> dict:
     """Prepare every glint material of `scene` for rendering; safe to call again, then nothing is baked twice.
 
-    progress(fraction 0..1, text) is called while tables are baked. Returns what was done and skipped: "hints" (names
-    of the lights whose glints are enumerated), "skipped_lights" ([name, reason]), "baked" and "reused" (table paths),
-    "mip_levels" (names of the images of Glint Image Textures whose levels were baked), "osl" (whether Cycles can run
-    the lobe), "device", "warnings" (sentences).
+    progress(fraction 0..1, text) is called while tables are baked. bake_unseen: whether to bake for materials that no
+    camera sees as well, by default the scene's own setting. Returns what was done and skipped: "hints" (names of the
+    lights whose glints are enumerated), "skipped_lights" ([name, reason]), "baked" and "reused" (table paths), "unseen"
+    (names of the materials left without a table, because no camera sees them), "mip_levels" (names of the images of
+    Glint Image Textures whose levels were baked), "osl" (whether Cycles can run the lobe), "device", "warnings"
+    (sentences), "counts" ("tables_baked", "tables_in_use", "bytes_baked", "bytes_in_use", "images_read").
     Raises MapError or TableError; the scene is unchanged then.
     """
     progress = progress or (lambda fraction, text: None)
     groups = scene_glint_groups(scene)
-    report = {"hints": [], "skipped_lights": [], "baked": [], "reused": [], "mip_levels": [], "osl": osl_available(),
-              "device": _device(scene), "warnings": _warnings(scene, groups)}
+    report = {"hints": [], "skipped_lights": [], "baked": [], "reused": [], "unseen": [], "mip_levels": [],
+              "osl": osl_available(), "device": _device(scene), "warnings": _warnings(scene, groups),
+              "counts": dict.fromkeys(COUNTS, 0)}
     # What is linked from another file cannot be changed here; a warning says so.
     groups = [group for group in groups if group.library is None]
     if not groups and not image_texture.shows_mip_levels():
         return report
+
+    # Leave out what nobody sees; a table that is there already stays in use and up to date.
+    unseen = {} if _bakes_unseen(scene, bake_unseen) else _unseen_groups(scene)
+    left_out = [group for group in groups if group in unseen and not group["glint_table"]]
+    report["unseen"] = sorted({name for group in left_out for name in unseen[group]})
+    prepared = [group for group in groups if group not in left_out]
 
     # Bake first: all that can fail happens before the scene is touched.
     tables = []
     if report["osl"]:
         folder = paths.table_folder(bpy.data.filepath)
         report["mip_levels"] = image_texture.bake_missing(folder)
-        for index, group in enumerate(groups):
-            progress(index / len(groups), f'Baking "{group["glint_image"].name}"')
+        for index, group in enumerate(prepared):
+            progress(index / len(prepared), f'Baking "{group["glint_image"].name}"')
             tables.append(_table(group, folder, report))
+        _count_tables(report)
 
-    for group, (stamp, table) in zip(groups, tables, strict=False):
+    for group, (stamp, table) in zip(prepared, tables, strict=False):
         glint_bsdf.refresh(group)
         glint_bsdf.set_table(group, *table)
         _remember(group, stamp, *table)
@@ -61,24 +74,50 @@ def prepare_scene(scene, progress=None) -> dict:
 
 def scene_glint_groups(scene) -> list[bpy.types.ShaderNodeTree]:
     """Glint BSDF groups with a map on objects that `scene` renders; each once, by name."""
-    groups = {}
-    for obj in _rendered_objects(scene.objects, set()):
+    groups = {group.name_full: group for group in _uses(scene)}
+    return [groups[name] for name in sorted(groups)]
+
+
+def _uses(scene) -> dict:
+    """Objects and material names {group: [(object, name), ...]} of each Glint BSDF group that `scene` renders."""
+    uses = {}
+    layers = [layer for layer in scene.view_layers if layer.use]
+    for obj in _rendered_objects(rendered_objects(layers), set()):
         for slot in obj.material_slots:
             for group in glint_groups(slot.material):
-                groups[group.name_full] = group
-    return [groups[name] for name in sorted(groups)]
+                uses.setdefault(group, []).append((obj, slot.material.name))
+    return uses
 
 
 def _rendered_objects(objects, seen: set):
     """Those of `objects` that are rendered, and those that collection instances among them show."""
     for obj in objects:
-        if obj.hide_render:
+        if obj.hide_render and not is_animated(obj, "hide_render"):
             continue
         yield obj
         shown = obj.instance_collection if obj.instance_type == "COLLECTION" else None
         if shown is not None and shown not in seen:
             seen.add(shown)
             yield from _rendered_objects(shown.all_objects, seen)
+
+
+def _bakes_unseen(scene, wanted) -> bool:
+    """The choice of the caller, else of the scene, which has one while the extension is registered."""
+    return getattr(getattr(scene, "glint", None), "bake_unseen", False) if wanted is None else wanted
+
+
+def _unseen_groups(scene) -> dict:
+    """Material names {group: [name, ...]} of the groups that only objects outside every camera's view use."""
+    for layer in scene.view_layers:
+        if layer.use:
+            layer.update()  # for matrices
+    uses = _uses(scene)
+    unseen = unseen_objects(scene, {thing for pairs in uses.values() for thing, _ in pairs})
+    return {
+        group: [name for _, name in pairs]
+        for group, pairs in uses.items()
+        if all(thing in unseen for thing, _ in pairs)
+    }
 
 
 def _table(group, folder: Path, report: dict):
@@ -95,11 +134,22 @@ def _table(group, folder: Path, report: dict):
     if stamp and not same_file:
         image.reload()  # Blender may still hold the pixels of an older file
     binding = glint_bsdf.group_binding(group)
+    report["counts"]["images_read"] += 1
     normals = decoded_normals(image_pixels(image), convention=binding.convention, name=image.name)
     path, written = bake_table(normals, folder, interpolation=binding.interpolation)
     report["baked" if written else "reused"].append(str(path))
     size = [normals.shape[1], normals.shape[0]]
     return stamp, (str(path), size, *([float(value) for value in bound] for bound in slope_bounds(normals)))
+
+
+def _count_tables(report):
+    """Count each table file once, however many groups read it."""
+    baked, used = ({Path(path) for path in names} for names in (report["baked"], report["baked"] + report["reused"]))
+    report["counts"] |= {
+        "tables_baked": len(baked), "tables_in_use": len(used),
+        "bytes_baked": sum(path.stat().st_size for path in baked),
+        "bytes_in_use": sum(path.stat().st_size for path in used),
+    }
 
 
 def _remember(group, stamp, path, size, slope_low, slope_high):

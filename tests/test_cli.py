@@ -1,6 +1,7 @@
 """The command line: results on standard output, one sentence and exit code 1 for what cannot be done, 2 for misuse."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -49,7 +50,9 @@ def refused(capfd, *words) -> str:
 def test_prepare_saves_what_it_found(capfd, blend):
     code, output, errors = run(capfd, "prepare", blend)
     assert code == 0, errors
-    assert output.splitlines() == ["Glint: 1 light found, 1 table baked, 0 reused, OSL on.", f"Saved {blend}"]
+    summary, counts, saved = output.splitlines()
+    assert (summary, saved) == ("Glint: 1 light found, 1 table baked, 0 reused, OSL on.", f"Saved {blend}")
+    assert re.fullmatch(r"Tables: 1 baked \((.+ MB)\), 1 in use \(\1\), 1 image read\.", counts), counts
     assert "%]" in errors
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     assert bpy.context.scene.glint.prepared and bpy.context.scene.cycles.shading_system

@@ -10,16 +10,18 @@ ADDON = ROOT / "glint_addon"
 
 # What each part of the package may import of the others, besides itself; "" is glint_addon/__init__.py.
 BASE = {"paths", "errors"}
-CORE = BASE | {"images", "bake", "nodes", "lights", "material", "prepare"}
+CORE = BASE | {"images", "bake", "nodes", "lights", "material", "visibility", "prepare"}
 ALLOWED = {
     "paths": set(),
     "errors": set(),
     "images": BASE,
     "bake": BASE,
     "nodes": BASE | {"bake", "images"},
-    "lights": BASE | {"bake", "images", "nodes"},
+    "motion": set(),
+    "visibility": {"motion"},
+    "lights": BASE | {"bake", "images", "motion", "nodes"},
     "material": BASE | {"bake", "images", "nodes", "lights"},
-    "prepare": BASE | {"bake", "images", "nodes", "lights", "material"},
+    "prepare": BASE | {"bake", "images", "nodes", "lights", "material", "visibility"},
     "operators": CORE,
     "ui": CORE | {"operators"},
     "blend_file": BASE,

@@ -20,6 +20,7 @@ REPORT = {
     "skipped_lights": [["Lamp", "it is too large for glints"]],
     "baked": ["/somewhere/glint_tables/new.exr"],
     "reused": ["/somewhere/glint_tables/old.exr"],
+    "unseen": ["Hidden away"],
     "osl": True,
     "device": "CPU",
     "warnings": ["Simplify limits the texture size."],
@@ -55,6 +56,9 @@ class Layout:
     def label(self, *, text="", icon="NONE"):
         assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items, icon
         self.seen.append(text)
+
+    def prop(self, owner, name):
+        self.seen.append(f"[{owner.bl_rna.properties[name].name}]")
 
     def operator(self, name, *, text="", icon="NONE"):
         self.seen.append(f"[{text or name}]")
@@ -128,14 +132,15 @@ def test_the_panel_shows_every_part_of_the_report(glinting):
     assert "Sun" in lights and "Lamp: it is too large for glints" in lights
     tables = drawn(GLINT_PT_tables)
     assert "new.exr (baked)" in tables and "old.exr (reused)" in tables
+    assert "[Also Bake Unseen]" in tables and "Hidden away: no camera sees it, so it has no table" in " ".join(tables)
 
 
 def test_a_new_report_replaces_the_old_one(glinting):
     store_report(bpy.context.scene, REPORT)
-    store_report(bpy.context.scene, {**REPORT, "hints": [], "warnings": [], "baked": [], "reused": []})
+    store_report(bpy.context.scene, {**REPORT, "hints": [], "warnings": [], "baked": [], "reused": [], "unseen": []})
     assert not bpy.context.scene.glint.warnings
     assert "No light makes glints" in drawn(GLINT_PT_lights)[0]
-    assert drawn(GLINT_PT_tables) == ["No table is needed"]
+    assert drawn(GLINT_PT_tables) == ["No table is needed", "[Also Bake Unseen]"]
 
 
 def test_the_report_panels_wait_for_the_first_preparation(glinting):

@@ -56,7 +56,21 @@ def summary(report: dict) -> str:
     lights = counted(len(report["hints"]), "light")
     baked = counted(len(report["baked"]) + len(report["mip_levels"]), "table")
     osl = "OSL on" if report["osl"] else "no OSL"
-    return f"Glint: {lights} found, {baked} baked, {len(report['reused'])} reused, {osl}."
+    unseen = f", {counted(len(report['unseen']), 'material')} that no camera sees left out" if report["unseen"] else ""
+    return f"Glint: {lights} found, {baked} baked, {len(report['reused'])} reused{unseen}, {osl}."
+
+
+def counts_line(report: dict) -> str:
+    """How much `prepare_scene` baked, and how much the scene uses, in one sentence."""
+    counts = report["counts"]
+    baked, used = (f"{counts[f'tables_{key}']} {key.replace('_', ' ')} ({megabytes(counts[f'bytes_{key}'])})"
+                   for key in ("baked", "in_use"))
+    return f"Tables: {baked}, {used}, {counted(counts['images_read'], 'image')} read."
+
+
+def megabytes(count: int) -> str:
+    """Bytes as "12.3 MB"."""
+    return f"{count / 1e6:.1f} MB"
 
 
 def counted(number: int, noun: str) -> str:

@@ -21,12 +21,18 @@ class GLINT_PG_scene(bpy.types.PropertyGroup):
         type=bpy.types.Image,
         poll=lambda _self, image: image.type not in RENDERED_IMAGES,
     )
+    bake_unseen: BoolProperty(
+        name="Also Bake Unseen",
+        description="Bake tables for objects outside every camera's view too: for glints that show only in mirrors. "
+        "Without it these render as Blender's own nodes, right but noisy",
+    )
     prepared: BoolProperty(name="Prepared", description="Whether this scene has been prepared for glints")
     osl: BoolProperty(name="OSL", description="Whether Open Shading Language was on after the last preparation")
     device: StringProperty(name="Device", description="What Cycles rendered on at the last preparation")
     hints: CollectionProperty(type=GLINT_PG_line)
     skipped_lights: CollectionProperty(type=GLINT_PG_line)
     tables: CollectionProperty(type=GLINT_PG_line)
+    unseen: CollectionProperty(type=GLINT_PG_line)
     warnings: CollectionProperty(type=GLINT_PG_line)
 
 
@@ -40,6 +46,7 @@ def store_report(scene, report: dict):
     _fill(state.skipped_lights, report["skipped_lights"])
     tables = [(path, "baked") for path in report["baked"]] + [(path, "reused") for path in report["reused"]]
     _fill(state.tables, tables)
+    _fill(state.unseen, [(name, "") for name in report["unseen"]])
     _fill(state.warnings, [(sentence, "") for sentence in report["warnings"]])
 
 

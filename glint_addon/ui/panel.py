@@ -87,6 +87,9 @@ class GLINT_PT_tables(PreparedPanel, bpy.types.Panel):
             layout.label(text=f"{bpy.path.basename(line.name)} ({line.detail})", icon="FILE_CACHE")
         if state.tables:
             draw_sentence(layout, context, f"In {bpy.path.native_pathsep(folder_of(state.tables[0].name))}")
+        layout.prop(state, "bake_unseen")
+        for line in state.unseen:
+            draw_sentence(layout, context, f"{line.name}: no camera sees it, so it has no table", "DOT")
 
 
 def draw_picker(layout, context, operator):
@@ -114,6 +117,8 @@ def draw_maps(layout, context):
         table = group.get("glint_table", "")
         if table:
             column.label(text=bpy.path.basename(table), icon="FILE_CACHE")
+        elif context.material.name in context.scene.glint.unseen:
+            column.label(text="No camera sees it: no table", icon="HIDE_ON")
         elif bpy.app.build_options.cycles_osl:
             column.label(text="Not prepared yet", icon="ERROR")
 
