@@ -24,7 +24,7 @@ STYLES = {
     "denoised": ("#CC79A7", "D"),
     "lobe": ("#0072B2", "*"),
 }
-PALETTE = 64  # colours of a PNG: enough for lines with soft edges, and a third of the bytes
+PALETTE = 256  # colours of a PNG: enough for thin lines with soft edges, and half of the bytes
 SETTINGS = {
     "svg.hashsalt": "glint",  # else ids are random and each drawing is a change
     "svg.fonttype": "none",  # text stays text
