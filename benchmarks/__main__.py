@@ -11,6 +11,7 @@ import tempfile
 import time
 from pathlib import Path
 
+FOLDER = Path(__file__).resolve().parent
 OTHERS = ("query", "temporal", "no_hints")  # modules beside this one with a command line of their own
 
 
@@ -56,21 +57,21 @@ def _run(options):
         _say(f"There is no scene {', '.join(sorted(unknown))}: choose among {', '.join(suite.NAMES)}.")
         return 2
     names = options.only or suite.NAMES
-    folder = Path(__file__).resolve().parent
     parts = [(name, ["benchmarks", "scene", name, "--largest", str(options.largest)]) for name in names]
     if not options.only:
-        parts += [(name, [f"benchmarks.{name}"]) for name in OTHERS if (folder / f"{name}.py").is_file()]
+        parts += [(name, [f"benchmarks.{name}"]) for name in OTHERS if (FOLDER / f"{name}.py").is_file()]
     failed = [name for name, arguments in parts if not _measured(name, arguments)]
+    _report(options)
     if failed:
-        _say(f"Not measured: {', '.join(failed)}. What was measured is kept; see the messages above.")
-        return 1
-    return _report(options)
+        _say(f"Not measured: {', '.join(failed)}; see the messages above. The report has what was measured before.")
+    return 1 if failed else 0
 
 
 def _measured(name, arguments) -> bool:
     """Run one part; whether it went well. Blender's own words are shown only if it did not."""
     start = time.monotonic()
-    done = subprocess.run([sys.executable, "-m", *arguments], capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", *arguments]
+    done = subprocess.run(command, cwd=FOLDER.parent, capture_output=True, text=True, check=False)
     if done.returncode:
         _say(done.stdout[-2000:] + done.stderr[-4000:])
     _say(f"{name}: {'failed' if done.returncode else 'measured'} in {time.monotonic() - start:.0f} s")
