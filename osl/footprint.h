@@ -3,8 +3,8 @@
 /* Footprint radius in pixels = scale / samples^exponent. A wide footprint blurs the pixel filter (error ~ radius^2), a
  * narrow one leaves holes between the samples. Fitted to the radii of least error for Blackman-Harris 1.5 pixels and
  * scrambled Sobol points: 1.1, 0.9, 0.7, 0.5, 0.35, 0.25 pixels at 1, 4, 16, 64, 256, 1024 samples; the error of a
- * single glint is then 10, 45, 23, 13, 7, 3 % of it. (Cycles takes its first sample at the pixel's centre, which is why
- * one sample does so well.) */
+ * single glint is then 10, 42, 23, 13, 7, 3 % of it: benchmarks/footprint_law.py. (Cycles takes its first sample at the
+ * pixel's centre, which is why one sample does so well.) */
 #define FOOTPRINT_SCALE 1.1
 #define FOOTPRINT_EXPONENT 0.21
 /* Stretch at grazing angles ends where a pixel sees ten thousand times its own width. */
