@@ -21,7 +21,8 @@ from glint_addon.bake.openimageio import oiio
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.driven import driver_curve
 
-LEAST_SECONDS = 0.4  # of a timed render: forty times the spread of the start-up (10 ms)
+LEAST_SECONDS = 0.4  # of a timed render without start-up: forty times the usual spread of the start-up (10 ms)
+START_UPS = 2.0  # and so many times the start-up, if that is more: what is subtracted must be the smaller part
 LARGEST_REPEATS = 4096  # R; a render of nothing would else be repeated without end
 MOST_RENDERS = 8  # of `repeated_cost`: they average the start-up's spread well enough
 PILOT_SPP = 16  # for a first look at the cost of a sample
@@ -46,11 +47,11 @@ def render_cost(scene, spp: int, start_up: float, *, guess: float | None = None)
     """The cost of `spp` samples a pixel of `scene`; guess: seconds they may take, else a pilot render tells."""
     if guess is None:
         guess = _seconds(scene, spp, 1, start_up)
-    repeats = _repeats(guess)
+    repeats = _repeats(guess, start_up)
     seconds = _seconds(scene, spp, repeats, start_up)
-    if seconds * repeats < LEAST_SECONDS / 2 and repeats < LARGEST_REPEATS:
+    if seconds * repeats < least_seconds(start_up) / 2 and repeats < LARGEST_REPEATS:
         # The guess was far off: once more, from what is known now.
-        repeats = _repeats(seconds)
+        repeats = _repeats(seconds, start_up)
         seconds = _seconds(scene, spp, repeats, start_up)
     return Cost(spp, repeats, seconds, start_up)
 
@@ -59,7 +60,7 @@ def repeated_cost(scene, spp: int, start_up: float) -> Cost:
     """The same for work that does not grow with the samples (a denoiser): whole renders, one after the other."""
     scene.cycles.samples = spp
     total, repeats = 0.0, 0
-    while total < LEAST_SECONDS and repeats < MOST_RENDERS:
+    while total < least_seconds(start_up) and repeats < MOST_RENDERS:
         total += max(measure.timed_render(scene)[1] - start_up, measure.CLOCK_NOISE)
         repeats += 1
     return Cost(spp, repeats, total / repeats, start_up)
@@ -74,8 +75,13 @@ def _seconds(scene, spp, repeats, start_up):
     return max(total - start_up, measure.CLOCK_NOISE) / repeats
 
 
-def _repeats(seconds):
-    return min(max(math.ceil(LEAST_SECONDS / seconds), 1), LARGEST_REPEATS)
+def least_seconds(start_up: float) -> float:
+    """Seconds without start-up that a render must take to tell its cost."""
+    return max(LEAST_SECONDS, START_UPS * start_up)
+
+
+def _repeats(seconds, start_up):
+    return min(max(math.ceil(least_seconds(start_up) / seconds), 1), LARGEST_REPEATS)
 
 
 @contextlib.contextmanager

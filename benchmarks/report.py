@@ -109,13 +109,13 @@ def scene_table(lines) -> str:
 def row_table(result) -> str:
     """Markdown: every measurement of one scene."""
     rows = [("method", "spp", "seconds", "relative RMSE", "relMSE", "bias", "µs a sample", "memory, MB", "tables, MB",
-             "pictures", "R"), ("---", *["---:"] * 10)]
+             "start-up, s", "pictures", "R"), ("---", *["---:"] * 11)]
     labels = {method.name: method.label for method in methods.METHODS}
     for row in result["rows"]:
         rows.append((
             labels[row["method"]], row["spp"], f"{row['seconds']:.3f}", f"{row['rmse']:.4f}", f"{row['relmse']:.3g}",
             f"{row['bias']:+.1%}", f"{row['microseconds']:.2f}", f"{row['memory'] / MEGABYTE:.0f}",
-            f"{row['table_bytes'] / MEGABYTE:.1f}", row["seeds"], row["repeats"],
+            f"{row['table_bytes'] / MEGABYTE:.1f}", f"{row['start_up']:.2f}", row["seeds"], row["repeats"],
         ))
     return _markdown(rows)
 

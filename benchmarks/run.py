@@ -117,7 +117,7 @@ def _row(method, scene, spp, start_up, guess, truth):
         pictures.append(measure.luminance(pixels))
         times.append(max(seconds - start_up, measure.CLOCK_NOISE))
     scene.cycles.seed = 1
-    if np.median(times) >= cost.LEAST_SECONDS:
+    if np.median(times) >= cost.least_seconds(start_up):
         spent = cost.Cost(spp, 1, float(np.median(times)), start_up)
     elif method.per_sample:
         spent = cost.render_cost(scene, spp, start_up, guess=guess)

@@ -24,13 +24,15 @@ LARGEST_ANISOTROPY = 0.99  # Cycles clamps there
 def widened_material(image, texels, *, roughness=0.1, interpolation="LINEAR", strength=1.0, uv_map="", **surface):
     """Blender's nodes for `image` at the level whose texel is a pixel of `texels` texels, its roughness widened.
 
-    The other arguments are those of `truth_material`.
+    The other arguments are those of `truth_material`. A mip level is interpolated; the map itself as it is told.
     """
     slopes = maps.decoded_slopes(image_pixels(image)[..., :3]) * strength
-    mean, covariance = block_moments(slopes, mip_level(texels, slopes.shape[:2]))
+    level = mip_level(texels, slopes.shape[:2])
+    mean, covariance = block_moments(slopes, level)
     filtered = maps.blender_image("Mean slopes", maps.encoded_normals(mean))
     lobes = maps.blender_image("Lobes", lobe_parameters(covariance, roughness**2))
-    material = truth_material("Widened", filtered, uv_map=uv_map, **surface)
+    chosen = interpolation if level == 0 else "LINEAR"
+    material = truth_material("Widened", filtered, interpolation=chosen, uv_map=uv_map, **surface)
     _link_lobes(material.node_tree, lobes, uv_map)
     return material
 

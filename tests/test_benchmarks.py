@@ -1,0 +1,313 @@
+"""The benchmark: errors and laws against analytic cases, methods that do what they say, reports from results."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+
+from benchmarks import cost, headline, methods, plots, quick, record, report, run, suite, widened
+from benchmarks.__main__ import main
+from benchmarks.error import RELATIVE_EPSILON, picture_error
+from benchmarks.law import fitted_law, samples_to
+from benchmarks.truth import Truth, stored
+from demo_scenes import maps, measure, stage
+from demo_scenes.truth import truth_material
+
+FLAT = np.full((8, 8), 2.0)
+NO_VARIANCE = np.zeros((8, 8))
+LARGEST_Z = 4.0  # standard deviations that a mean of noise may be off
+
+
+# Error
+
+
+def test_a_picture_ten_percent_too_bright_has_that_error_and_bias():
+    error = picture_error([FLAT * 1.1, FLAT * 1.1], FLAT, NO_VARIANCE)
+    assert error.rmse == pytest.approx(0.1)
+    assert error.bias == pytest.approx(0.1)
+    assert error.relmse == pytest.approx(0.01 / (1 + RELATIVE_EPSILON))
+    assert error.bias_noise == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_truths_own_noise_is_not_the_pictures_error():
+    rng = np.random.default_rng(1)
+    right = np.full((64, 64), 3.0)
+    deviation = 0.6
+    noisy_truth = right + rng.normal(0, deviation, right.shape)
+    variance = np.full_like(right, deviation**2)
+    # The estimate of a variance from n pixels is off by sqrt(2 / n) of it.
+    spread = LARGEST_Z * deviation**2 * math.sqrt(2 / right.size) / 9
+    assert picture_error([right], noisy_truth, variance).rmse ** 2 < spread
+    shifted = picture_error([right + 1.5], noisy_truth, variance)
+    assert shifted.rmse == pytest.approx(0.5, rel=0.03)
+    assert abs(shifted.bias - 0.5) < LARGEST_Z * shifted.bias_noise * 1.5
+    assert shifted.bias_noise == pytest.approx(math.sqrt(2) * deviation / 3 / 64, rel=0.1)
+
+
+def test_a_picture_of_another_size_and_a_black_truth_are_refused():
+    with pytest.raises(ValueError, match="renew the truth"):
+        picture_error([np.ones((4, 4))], FLAT, NO_VARIANCE)
+    with pytest.raises(ValueError, match="light the scene"):
+        picture_error([FLAT], NO_VARIANCE, NO_VARIANCE)
+
+
+# Law and headline
+
+
+def test_the_law_of_an_unbiased_method_is_found():
+    law = fitted_law([(spp, 2, 3.0 / math.sqrt(spp)) for spp in (4, 16, 64, 256)])
+    assert law.constant == pytest.approx(9.0)
+    assert law.exponent == pytest.approx(-0.5)
+    assert law.largest == 256
+    assert samples_to(law, 0.3) == pytest.approx(100.0)
+    assert samples_to(law, 30.0) == 1.0
+
+
+def test_an_exponent_that_is_not_the_laws_is_told():
+    assert fitted_law([(spp, 1, spp**-0.25) for spp in (1, 16, 256)]).exponent == pytest.approx(-0.25)
+
+
+def test_few_samples_that_missed_the_bright_paths_hardly_count():
+    lucky = [(1, 1, 0.1), *((spp, 1, 3.0 / math.sqrt(spp)) for spp in (64, 256))]
+    assert fitted_law(lucky).constant == pytest.approx(9.0, rel=0.01)
+
+
+def test_a_law_needs_two_errors_above_the_truths_noise():
+    with pytest.raises(ValueError, match="two sample counts"):
+        fitted_law([(4, 1, 0.1), (16, 1, 0.0)])
+
+
+def result(*, noise=0.001, lobe_error=0.1, small=True):
+    """A stored result of a made-up scene: nodes of error 2 / sqrt(spp) and 1 ms a sample, a lobe of 50 ms at 4 spp."""
+    common = {"start_up": 0.1, "repeats": 1, "seeds": 1, "relmse": 0.01, "memory": 20 << 20, "table_bytes": 3000000}
+
+    def row(method, spp, seconds, rmse):
+        return {**common, "method": method, "spp": spp, "seconds": seconds, "rmse": rmse, "bias": 0.001 * spp,
+                "bias_noise": 0.002, "microseconds": seconds / spp * 1e3}
+
+    rows = [row("nodes", spp, 0.001 * spp, 2.0 / math.sqrt(spp)) for spp in (30, 100, 300, 1000, 3000)]
+    rows += [row(name, 100, 0.1, 0.5) for name in ("nodes_cached", "widened", "denoised")]
+    rows += [row("lobe", spp, 0.0125 * spp, lobe_error * 2 / math.sqrt(spp)) for spp in (1, 4, 16, 64)]
+    machine = {"processor": "Abacus", "cores": 2, "threads": 2, "system": "Linux", "blender": "5.2", "numpy": "2",
+               "glint": "1", "date": "2026-01-01"}
+    truth = {"spp": 1000, "seeds": 8, "blender": "5.2", "noise": noise, "bias_noise": 0.0005}
+    return {"machine": machine, "scene_hash": "abc", "texels": 300.0, "small_lights": small, "truth": truth,
+            "nodes_osl_microseconds": 2.5, "rows": rows}
+
+
+def test_the_speed_up_is_the_nodes_time_to_the_lobes_error():
+    line = headline.headline("made_up", result())
+    # Error 0.1 takes (2 / 0.1)^2 = 400 samples of 1 ms; the lobe 50 ms.
+    assert line.speed_up == pytest.approx(8.0)
+    assert not line.extrapolated
+    assert (line.bias, line.bias_spp) == (pytest.approx(0.064), 64)
+    assert line.sample_ratio == pytest.approx(12.5 / 2.5)
+
+
+def test_beyond_the_largest_budget_the_speed_up_is_marked_and_never_below_the_truths_noise():
+    line = headline.headline("made_up", result(lobe_error=0.01))
+    assert line.extrapolated
+    assert line.speed_up == pytest.approx(800.0)
+    floored = headline.headline("made_up", result(lobe_error=0.01, noise=0.1))
+    assert floored.error == 0.1
+    assert floored.speed_up == pytest.approx(8.0)
+
+
+def test_an_incomplete_result_is_refused():
+    broken = result()
+    broken["rows"] = [row for row in broken["rows"] if row["spp"] != 4]
+    with pytest.raises(ValueError, match="incomplete"):
+        headline.headline("made_up", broken)
+
+
+# Report
+
+
+@pytest.fixture
+def measured():
+    """Results of two made-up scenes, and their headlines."""
+    results = {"scenes": {"one": result(), "two": result(lobe_error=0.01, small=False)}}
+    return results, headline.headlines(results)
+
+
+def test_the_headline_table_has_median_worst_and_marks(measured):
+    results, lines = measured
+    table = report.headline_table(lines, results)
+    assert "| **404**\\* | **8** |" in table
+    assert "| 8 (one) | 8 (one) |" in table
+    assert "| 800\\* (two) | 8 (one) |" in table
+    assert "+6.40% ± 0.20% (one)" in table
+    assert "Abacus, 2 threads" in table
+
+
+def test_every_measurement_is_a_row_of_the_page(measured):
+    results, lines = measured
+    page = report.page(results, lines)
+    assert page.count("| Blender's nodes | 300 | 0.300 | 0.1155 |") == 2
+    for row in results["scenes"]["one"]["rows"]:
+        label = methods.method(row["method"]).label
+        assert f"| {label} | {row['spp']} | {row['seconds']:.3f} | {row['rmse']:.4f} |" in page
+
+
+def test_stress_cases_are_listed_whole():
+    table = report.stress_table([{"group": "maps", "case": "a|b", "outcome": "agrees", "nodes": 0.25, "lobe": None,
+                                  "deviations": 1.23456, "note": "two\nlines"}])
+    assert table.splitlines()[-1] == "| maps | a\\|b | agrees | 0.25 |  | 1.235 | two lines |"
+
+
+def test_results_are_stored_scene_by_scene(tmp_path):
+    file = tmp_path / "scenes.json"
+    run.store("bumps_close", {"rows": [1]}, file)
+    run.store("flakes_far", {"rows": [2]}, file)
+    run.store("bumps_close", {"rows": [3]}, file)
+    assert record.read_json(file) == {"scenes": {"flakes_far": {"rows": [2]}, "bumps_close": {"rows": [3]}}}
+    with pytest.raises(ValueError, match="JSON compliant"):
+        run.store("bumps_far", {"rows": [float("nan")]}, file)
+    assert len(record.read_json(file)["scenes"]) == 2
+
+
+def test_the_readmes_block_and_the_page_are_what_the_results_say():
+    results = report.stored_results()
+    lines = headline.headlines(results)
+    readme = report.README.read_text(encoding="utf-8")
+    assert report.with_block(readme, report.readme_block(lines, results)) == readme
+    assert report.PAGE.read_text(encoding="utf-8") == report.page(results, lines)
+    with pytest.raises(ValueError, match="put the marks back"):
+        report.with_block("no marks", "table")
+
+
+def test_a_plot_is_the_same_bytes_each_time_and_has_its_text_as_text(measured, tmp_path, monkeypatch):
+    results, lines = measured
+    drawn = []
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        monkeypatch.setattr(plots, "FOLDER", folder)
+        monkeypatch.setattr(plots, "SUMMARY", folder / "summary")
+        folder.mkdir()
+        plots.draw_all(results, lines)
+        drawn.append({file.name: file.read_bytes() for file in folder.iterdir()})
+    assert drawn[0] == drawn[1]
+    assert set(drawn[0]) == {f"{name}.{kind}" for name in ("one", "two", "summary") for kind in ("png", "svg")}
+    assert b">relative RMSE</text>" in drawn[0]["one.svg"]
+    assert b"extrapolated</text>" in drawn[0]["two.svg"] and b", extrapolated</text>" not in drawn[0]["one.svg"]
+
+
+def test_an_unknown_scene_is_refused_by_name(capsys, monkeypatch):
+    monkeypatch.setenv("BLENDER_USER_RESOURCES", "")
+    assert main(["run", "--only", "nowhere"]) == 2
+    assert "There is no scene nowhere: choose among" in capsys.readouterr().err
+
+
+# Methods
+
+
+def test_the_moments_of_blocks_are_those_of_their_slopes():
+    slopes = np.random.default_rng(3).normal(size=(8, 16, 2))
+    mean, covariance = widened.block_moments(slopes, 2)
+    block = slopes[4:8, 8:12].reshape(-1, 2)
+    assert mean.shape == (2, 4, 2)
+    assert np.allclose(mean[1, 2], block.mean(axis=0))
+    assert np.allclose(covariance[1, 2], np.cov(block.T, bias=True))
+
+
+def test_the_mip_level_is_that_of_a_pixel_and_within_the_map():
+    assert [widened.mip_level(texels, (256, 256)) for texels in (0.1, 1, 16, 1000, 1e9)] == [0, 0, 2, 5, 8]
+
+
+def test_the_widened_lobe_has_the_sum_of_both_variances():
+    alpha, deviation = 0.1, 0.2
+    covariance = np.array([[[[0.0, 0.0], [0.0, deviation**2]]]])
+    roughness, anisotropy, rotation = widened.lobe_parameters(covariance, alpha)[0, 0]
+    # Blender's alpha_x and alpha_y; x is the narrow axis, here u.
+    assert roughness**2 * (1 - anisotropy) == pytest.approx(alpha, rel=1e-5)
+    assert roughness**2 / (1 - anisotropy) == pytest.approx(math.sqrt(alpha**2 + 2 * deviation**2), rel=1e-5)
+    assert math.sin(2 * math.pi * rotation) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("across", [False, True])
+def test_a_widened_lobe_reflects_as_much_as_the_texels_it_stands_for(across):
+    """Slopes along one diagonal, and a sun whose half vector lies off the normal along it, or across it."""
+    slope = np.random.default_rng(4).normal(0.0, 0.15, (64, 64, 1))
+    encoded = maps.encoded_normals(slope * np.array([1.0, 1.0]) / math.sqrt(2.0))
+    means = []
+    # Closest: between texels of independent slopes, interpolation would make them smaller.
+    surface = {"roughness": math.sqrt(0.1), "interpolation": "CLOSEST"}
+    for make in (truth_material, lambda name, image, **rest: widened.widened_material(image, 4096.0, **rest)):
+        scene = stage.empty_scene((8, 8), 256)
+        material = make("Lobe", maps.blender_image("Map", encoded), **surface)
+        stage.add_sheet(scene, "Sheet", [(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], material, repeats=32.0)
+        stage.add_camera(scene, (0, 0, 3), (0, 0, 0), angle=0.1)
+        stage.add_sun(scene, (0.3, -0.3 if across else 0.3, 1), angle=0.1)
+        means.append(measure.luminance(measure.rendered(scene)).mean())
+    # What differs: slopes against normals, and shadowing of the lobes (a few percent at these angles).
+    assert means[1] == pytest.approx(means[0], rel=0.1)
+    # Turned the wrong way, the two lobes would differ by their ratio along and across the diagonal.
+    assert means[0] < 0.5 if across else means[0] > 0.5
+
+
+def test_the_texture_cache_is_used_where_it_is_switched_on():
+    generated = measure.rendered(suite.nodes_scene("bumps_far", 4))
+    scene = methods.nodes_cached_scene("bumps_far", 4)
+    cached, cached_memory = measure.rendered(scene), cost.peak_memory(scene)
+    scene.render.use_texture_cache = False
+    plain, plain_memory = measure.rendered(scene), cost.peak_memory(scene)
+    # The same samples of the same map: a file is as good as a generated image, and only the cache changes the picture.
+    assert (plain == generated).all()
+    assert np.abs(cached - plain).mean() > 0.1 * plain.mean()
+    assert cached_memory < plain_memory
+
+
+def test_the_denoised_method_has_blenders_own_settings():
+    cycles = methods.denoised_scene("flakes_close").cycles
+    assert cycles.use_adaptive_sampling and cycles.use_denoising
+    assert cycles.adaptive_threshold == pytest.approx(0.01)
+    assert (cycles.denoiser, cycles.denoising_input_passes) == ("OPENIMAGEDENOISE", "RGB_ALBEDO_NORMAL")
+
+
+# Cost and run
+
+
+def test_pinned_samples_give_the_footprint_of_so_many_samples():
+    scene = suite.lobe_scene("flakes_middle", 1)
+    scene.render.resolution_percentage = 25
+    alone = measure.rendered(scene)
+    with cost.pinned_samples(1):
+        assert (measure.rendered(scene) == alone).all()
+    with cost.pinned_samples(256):
+        assert not np.allclose(measure.rendered(scene), alone, rtol=0.1)
+    assert (measure.rendered(scene) == alone).all()
+
+
+def test_a_method_is_measured_at_every_budget():
+    scene = suite.nodes_scene("flakes_close", 64)
+    scene.cycles.seed = 77
+    mean = measure.luminance(measure.rendered(scene))
+    truth = Truth(mean, np.zeros_like(mean), 64, 1, bpy.app.version_string, "")
+    rows = run.method_rows(methods.method("nodes"), "flakes_close", truth, (), run.BUDGETS[1])
+    assert len(rows) == 2
+    assert rows[0]["spp"] < rows[1]["spp"]
+    assert rows[0]["rmse"] > rows[1]["rmse"] > 0.0
+    assert all(row["repeats"] > 1 and row["seeds"] == 3 and row["memory"] > 0 for row in rows)
+    assert all(row["table_bytes"] == 0 for row in rows)
+
+
+def test_the_quick_benchmark_stays_within_its_limits():
+    assert quick.check() == []
+
+
+def test_counts_above_their_limits_are_told():
+    limits = {"visited": 100.0, "share_left_early": 0.5}
+    assert quick.complaints("a", {"visited": 100.5, "share_left_early": 0.6}, limits) == []
+    told = quick.complaints("a", {"visited": 102.0, "share_left_early": 0.4, "hints": 1.0}, limits)
+    assert [sentence.split(":")[1].strip() for sentence in told] == [
+        "visited 102 exceeds the limit 100", "share_left_early 0.4 fell below the limit 0.5", "hints 1 has no limit",
+    ]
+
+
+def test_every_stored_result_belongs_to_the_scene_as_it_is():
+    results = report.stored_results()["scenes"]
+    assert set(results) <= set(suite.NAMES)
+    for name, found in results.items():
+        assert found["scene_hash"] == stored(name).scene_hash, f"Run make bench ARGS='--only {name}'."
