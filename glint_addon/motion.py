@@ -1,9 +1,11 @@
-"""Whether an object may move or change its shape: what is judged at one frame must hold at every other."""
+"""Whether an object may move, change its shape or show up elsewhere: what is judged at one frame must hold at all."""
 
 from __future__ import annotations
 
 # Modifiers that leave a mesh within its box, or very nearly.
 KEEPS_THE_BOX = {"BEVEL", "EDGE_SPLIT", "SUBSURF", "TRIANGULATE", "WEIGHTED_NORMAL"}
+MODIFIERS_THAT_COPY = {"BOOLEAN", "PARTICLE_SYSTEM"}
+NODES_THAT_COPY = {"GeometryNodeCollectionInfo", "GeometryNodeObjectInfo"}
 
 
 def is_fixed(thing) -> bool:
@@ -18,6 +20,34 @@ def is_fixed(thing) -> bool:
     )
 
 
+def has_fixed_box(thing) -> bool:
+    """Whether the object's box holds at every frame all that is rendered of it."""
+    moves_surface = any(
+        slot.material is not None and slot.material.displacement_method != "BUMP" for slot in thing.material_slots
+    )
+    return thing.type == "MESH" and is_fixed(thing) and not moves_surface
+
+
+def copies_others(thing) -> bool:
+    """Whether the object may show other objects elsewhere."""
+    trees = [modifier.node_group for modifier in thing.modifiers if modifier.type == "NODES"]
+    return (
+        thing.instance_type != "NONE"
+        or any(modifier.type in MODIFIERS_THAT_COPY for modifier in thing.modifiers)
+        or any(_has_copying_nodes(tree, set()) for tree in trees)
+    )
+
+
 def _is_animated(block) -> bool:
     animation = getattr(block, "animation_data", None)
     return animation is not None and bool(animation.action or animation.nla_tracks or animation.drivers)
+
+
+def _has_copying_nodes(tree, seen: set) -> bool:
+    if tree is None or tree in seen:
+        return False
+    seen.add(tree)
+    return any(
+        node.bl_idname in NODES_THAT_COPY or _has_copying_nodes(getattr(node, "node_tree", None), seen)
+        for node in tree.nodes
+    )

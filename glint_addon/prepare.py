@@ -82,6 +82,8 @@ def _uses(scene) -> dict:
     """Objects and material names {group: [(object, name), ...]} of each Glint BSDF group that `scene` renders."""
     uses = {}
     layers = [layer for layer in scene.view_layers if layer.use]
+    for layer in layers:
+        layer.update()  # for matrices, and for the collections of a scene that was never shown
     for obj in _rendered_objects(rendered_objects(layers), set()):
         for slot in obj.material_slots:
             for group in glint_groups(slot.material):
@@ -108,9 +110,6 @@ def _bakes_unseen(scene, wanted) -> bool:
 
 def _unseen_groups(scene) -> dict:
     """Material names {group: [name, ...]} of the groups that only objects outside every camera's view use."""
-    for layer in scene.view_layers:
-        if layer.use:
-            layer.update()  # for matrices
     uses = _uses(scene)
     unseen = unseen_objects(scene, {thing for pairs in uses.values() for thing, _ in pairs})
     return {

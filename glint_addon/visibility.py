@@ -9,13 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .motion import is_fixed
+from .motion import copies_others, has_fixed_box, is_fixed
 
 # The view is judged as a square this much wider than its longer side: for the pixel filter, which looks a few pixels
 # beyond the edge, and for a resolution that changes after the scene was prepared.
 MARGIN = 1.25
-MODIFIERS_THAT_COPY = {"BOOLEAN", "PARTICLE_SYSTEM"}
-NODES_THAT_COPY = {"GeometryNodeCollectionInfo", "GeometryNodeObjectInfo"}
 
 
 @dataclass(frozen=True)
@@ -54,12 +52,12 @@ def unseen_objects(scene, things) -> set:
     cameras = {thing for thing in scene.objects if thing.type == "CAMERA"}
     cameras |= {marker.camera for marker in scene.timeline_markers if marker.camera}
     cameras |= {scene.camera} - {None}
-    if not cameras or scene.render.use_multiview or any(_copies_others(thing) for thing in scene.objects):
+    if not cameras or scene.render.use_multiview or any(copies_others(thing) for thing in scene.objects):
         return set()
     views = [_view(camera, scene) for camera in cameras]
     if None in views:
         return set()
-    judged = [thing for thing in things if _has_known_box(thing)]
+    judged = [thing for thing in things if has_fixed_box(thing)]
     return {thing for thing in judged if not any(view.meets(_corners(thing)) for view in views)}
 
 
@@ -84,34 +82,6 @@ def _view(camera, scene) -> View | None:
         focus = max(data.dof.focus_distance, 1e-6)
     inverse = np.array(camera.matrix_world.normalized().inverted_safe())
     return View(inverse, (low + high) / 2 - half, (low + high) / 2 + half, is_perspective, aperture, focus)
-
-
-def _copies_others(thing) -> bool:
-    """Whether the object may show other objects elsewhere."""
-    trees = [modifier.node_group for modifier in thing.modifiers if modifier.type == "NODES"]
-    return (
-        thing.instance_type != "NONE"
-        or any(modifier.type in MODIFIERS_THAT_COPY for modifier in thing.modifiers)
-        or any(_has_copying_nodes(tree, set()) for tree in trees)
-    )
-
-
-def _has_copying_nodes(tree, seen: set) -> bool:
-    if tree is None or tree in seen:
-        return False
-    seen.add(tree)
-    return any(
-        node.bl_idname in NODES_THAT_COPY or _has_copying_nodes(getattr(node, "node_tree", None), seen)
-        for node in tree.nodes
-    )
-
-
-def _has_known_box(thing) -> bool:
-    """Whether the object's box holds at every frame all that is rendered of it."""
-    moves_surface = any(
-        slot.material is not None and slot.material.displacement_method != "BUMP" for slot in thing.material_slots
-    )
-    return thing.type == "MESH" and is_fixed(thing) and not moves_surface
 
 
 def _corners(thing) -> np.ndarray:

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from glint_addon.lights.hints import SOFT_HALF_ANGLE, TOO_MANY, scene_hints
+from glint_addon.lights.hints import MISSES, SOFT_HALF_ANGLE, TOO_MANY, scene_hints
 from glint_addon.lights.irradiance import irradiance
 from glint_addon.lights.receivers import glint_objects, lit_objects, world_bounds
 from glint_addon.nodes import glint_bsdf, glint_lights
@@ -92,6 +92,65 @@ def test_a_light_that_cannot_matter_is_skipped_and_the_reason_said(scene, kind, 
     [(name, reason)] = skipped
     assert name == "Spoilt"
     assert words in reason
+
+
+def aside(lamp):
+    """Turn a lamp over the square to the side."""
+    lamp.rotation_euler = (math.pi / 2, 0, 0)
+
+
+def glinting_square():
+    thing = cycles.add_plane(bpy.context.scene)
+    thing.data.materials.append(material_with(glint_bsdf.build()))
+    return thing
+
+
+def upwards(lamp):
+    lamp.rotation_euler = (math.pi, 0, 0)
+
+
+def softly(lamp):
+    """Its middle sees the square outside its cone, its edge does not."""
+    lamp.location = (1.5, 0, 1)
+    lamp.data.spot_size = 0.1
+    lamp.data.shadow_soft_size = 1.0
+
+
+@pytest.mark.parametrize(("kind", "turn", "kept"), [
+    ("SPOT", aside, False), ("SPOT", upwards, False), ("AREA", upwards, False), ("POINT", upwards, True),
+    ("SPOT", softly, True), ("AREA", aside, True),
+])
+def test_a_light_that_shines_past_every_glint_is_skipped(scene, kind, turn, kept):
+    glinting_square()
+    lamp = add_lamp(scene, "Lamp", kind)
+    assert names(scene_hints(scene)[0]) == ["Lamp"]
+    turn(lamp)
+    hints, skipped = scene_hints(scene)
+    assert names(hints) == (["Lamp"] if kept else [])
+    assert skipped == ([] if kept else [("Lamp", MISSES)])
+
+
+def parent_moves(lamp, square):
+    lamp.parent = cycles.add_plane(bpy.context.scene)
+    lamp.parent.keyframe_insert("location", frame=1)
+
+
+@pytest.mark.parametrize("change", [
+    lambda lamp, square: lamp.keyframe_insert("rotation_euler", frame=1),
+    lambda lamp, square: lamp.data.keyframe_insert("spot_size", frame=1),
+    lambda lamp, square: lamp.constraints.new("TRACK_TO"),
+    parent_moves,
+    lambda lamp, square: square.keyframe_insert("location", frame=1),
+    lambda lamp, square: square.modifiers.new("Array", "ARRAY"),
+    lambda lamp, square: setattr(square.material_slots[0].material, "displacement_method", "BOTH"),
+], ids=["turns", "widens", "constrained", "parent moves", "object moves", "array", "displaced"])
+def test_a_light_that_may_shine_on_glints_at_another_frame_is_kept(scene, change):
+    square = glinting_square()
+    lamp = add_lamp(scene, "Lamp", "SPOT")
+    aside(lamp)
+    assert names(scene_hints(scene)[0]) == []
+    change(lamp, square)
+    assert names(scene_hints(scene)[0]) == ["Lamp"]
 
 
 def test_a_scene_without_lights_has_no_hints(scene):
@@ -194,6 +253,7 @@ def test_a_spot_or_area_light_that_looks_away_is_the_first_to_go(scene, kind, se
     cycles.add_plane(scene, 1.0, material=material_with(glint_bsdf.build()))
     away = add_lamp(scene, "Away", kind, energy=1000, **settings)
     away.rotation_euler = (math.pi, 0, 0)
+    away.constraints.new("LIMIT_SCALE")  # it may turn around one day
     for number in range(8):
         add_lamp(scene, f"Lamp {number}", energy=1)
     assert scene_hints(scene)[1] == [("Away", TOO_MANY)]

@@ -10,6 +10,7 @@ from math import radians
 
 import bpy
 
+from ..motion import copies_others, has_fixed_box, is_fixed
 from ..nodes.glint_lights import HINT_COUNT, KIND_LOCAL, KIND_SUN
 from .animation import is_animated, peak_value
 from .irradiance import irradiance, tint
@@ -21,6 +22,7 @@ from .size import light_size
 SOFT_HALF_ANGLE = radians(15.0)
 
 TOO_MANY = f"dimmer than the {HINT_COUNT} strongest lights: left to the remainder, which is noisier"
+MISSES = "shines past every object with glints, which are outside its cone or behind it"
 
 
 @dataclass(frozen=True)
@@ -47,19 +49,26 @@ def scene_hints(scene, view_layer=None) -> tuple[list[Hint], list[tuple[str, str
     for layer in layers:
         layer.update()
     rendered = rendered_objects(layers)
-    shown = [thing for thing in rendered if not thing.hide_render]
+    shown = [thing for thing in rendered if not thing.hide_render or is_animated(thing, "hide_render")]
     receivers = glint_objects(shown)
     bounds = world_bounds(receivers or [thing for thing in shown if thing.type == "MESH"])
     lamps = sorted((thing for thing in scene.objects if thing.type == "LIGHT"), key=_full_name)
+
+    # A light that misses all of them now misses them always, if nothing moves.
+    is_still = bool(receivers) and all(has_fixed_box(thing) for thing in receivers)
+    is_still = is_still and not any(copies_others(thing) for thing in scene.objects)
 
     candidates, skipped = [], _instanced_lights(shown)
     for lamp in lamps:
         lit = lit_objects(lamp, receivers)
         reason = _reason_to_skip(lamp, lamp in rendered, bool(lit) or not receivers)
+        hint = _hint(lamp, bounds if len(lit) == len(receivers) else world_bounds(lit))
+        if not reason and hint.power == 0 and is_still and is_fixed(lamp):
+            reason = MISSES
         if reason:
             skipped.append((lamp.name, reason))
         else:
-            candidates.append(_hint(lamp, bounds if len(lit) == len(receivers) else world_bounds(lit)))
+            candidates.append(hint)
 
     # Keep the strongest, in order of name.
     strongest = set(sorted(candidates, key=lambda hint: (-hint.power, _full_name(hint.object)))[:HINT_COUNT])

@@ -33,7 +33,9 @@ def irradiance(lamp, low: np.ndarray, high: np.ndarray, energy: float) -> float:
     else:
         values = flux / (4 * pi * np.maximum(distance, size.light_size(lamp)) ** 2)
     if lamp.data.type == "SPOT":
-        values = values * _in_cone(position, axis, _cone_half_angle(lamp), low, high)
+        # Each point of a soft spot has its own cone: as if the boxes were larger by the light's radius.
+        radius = size.light_size(lamp)
+        values = values * _in_cone(position, axis, _cone_half_angle(lamp), low - radius, high + radius)
     return float(values.max(initial=0.0))
 
 
