@@ -16,7 +16,7 @@ class Headline:
     """Of one scene. Seconds without start-up, errors relative, microseconds a sample of one thread.
 
     error: the lobe's at HEADLINE_SPP, never below the truth's own noise, under which nothing is known;
-    nodes_seconds: what Blender's nodes take to `error` by their law; extrapolated: that is beyond what was measured.
+    nodes_seconds: what Blender's nodes take to `error`; extrapolated, by their law: beyond what was measured.
     """
 
     scene: str
@@ -58,7 +58,7 @@ def headline(name, result) -> Headline:
     judged = lobe[BIAS_SPP if BIAS_SPP in lobe else max(lobe)]
     return Headline(
         name, result["texels"], result["small_lights"], error, shown["seconds"],
-        nodes_seconds=spp * most["seconds"] / most["spp"], extrapolated=spp > law.largest, law=law,
+        nodes_seconds=spp * most["seconds"] / most["spp"], extrapolated=error < min(law.rmse), law=law,
         bias=judged["bias"], bias_spp=judged["spp"], bias_noise=judged["bias_noise"],
         lobe_microseconds=shown["microseconds"], nodes_microseconds=most["microseconds"],
         nodes_osl_microseconds=result["nodes_osl_microseconds"],

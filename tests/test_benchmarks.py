@@ -66,6 +66,21 @@ def test_the_law_of_an_unbiased_method_is_found():
     assert samples_to(law, 30.0) == 1.0
 
 
+def test_between_measured_points_they_decide_and_beyond_them_the_law():
+    steps = fitted_law([(4, 1, 0.8), (16, 1, 0.2), (64, 1, 0.1)])
+    assert samples_to(steps, 0.4) == pytest.approx(8.0)
+    assert samples_to(steps, 0.2) == pytest.approx(16.0)
+    assert samples_to(steps, 1.6) == pytest.approx(1.0)
+    slow = fitted_law([(4, 1, 0.4), (64, 1, 0.2)])
+    assert samples_to(slow, 0.1) == pytest.approx(slow.constant / 0.01)
+
+
+def test_an_error_that_falls_faster_than_the_law_is_let_fall_so():
+    law = fitted_law([(spp, 1, 1.0 / spp) for spp in (4, 16, 64)])
+    assert samples_to(law, 1.0 / 256) == pytest.approx(256.0)
+    assert law.constant / (1.0 / 256) ** 2 > 256.0
+
+
 def test_an_exponent_that_is_not_the_laws_is_told():
     assert fitted_law([(spp, 1, spp**-0.25) for spp in (1, 16, 256)]).exponent == pytest.approx(-0.25)
 
