@@ -132,8 +132,8 @@ int hint_reaches_ball(HalfVector hint, vector centre, float ball, float offset_u
 }
 
 /* Whether any normal whose slope lies between low and high can come within the region around h: the corners of that
- * box span a convex set around h, whose bounding box is tested. reach: largest shift within the footprint. */
-int map_reaches_hint(HalfVector hint, vector low, vector high, float reach)
+ * box span a convex set around h, whose bounding box is tested. */
+int map_reaches_hint(HalfVector hint, vector low, vector high)
 {
   float low1 = 1e30;
   float low2 = 1e30;
@@ -150,6 +150,6 @@ int map_reaches_hint(HalfVector hint, vector low, vector high, float reach)
     high1 = max(high1, p1);
     high2 = max(high2, p2);
   }
-  float r = hint.radius + reach;
+  float r = hint.radius + hint.reach;
   return low1 < r && low2 < r && high1 > -r && high2 > -r;
 }

@@ -113,15 +113,14 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
   HalfVector hints[8];
   float view_turn = length(Dx(I)) / length(dpdx);
   float region = REGION * alpha;
-  float extent_u = sqrt(footprint.ux * footprint.ux + footprint.uy * footprint.uy) + 1.0;
-  float extent_v = sqrt(footprint.vx * footprint.vx + footprint.vy * footprint.vy) + 1.0;
   int bounded = high[0] > low[0] || high[1] > low[1];
+  vector strong_low = low;
+  vector strong_high = high;
+  strengthened_bounds(map.strength, strong_low, strong_high);
   for (int k = 0; k < HINT_COUNT; ++k) {
     HalfVector hint;
     if (half_vector(lights[k], shapes[k], region, frame, footprint, dpdx, dpdy, view_turn, hint)) {
-      float reach = max(abs(hint.shift_u1), abs(hint.shift_u2)) * extent_u +
-                    max(abs(hint.shift_v1), abs(hint.shift_v2)) * extent_v;
-      if (!bounded || map_reaches_hint(hint, low * map.strength, high * map.strength, reach)) {
+      if (!bounded || map_reaches_hint(hint, strong_low, strong_high)) {
         hints[hint_count] = hint;
         hint_count += 1;
       }

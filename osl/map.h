@@ -122,11 +122,18 @@ void patch_covariance(PatchSlopes s, float a, float b, float first_a, float firs
 #define PART_SPAN 1.5
 #define MOST_PARTS 8
 
+/* Square of the angle between two normals of any length, in radians, or a little more. */
+float square_turn(vector from, vector to)
+{
+  vector across = to - from;
+  return dot(across, across) / max(min(dot(from, from), dot(to, to)), 1e-12);
+}
+
 /* Parts of a patch along one side; the arguments are the normals at the ends of its two edges that way. */
 int patch_parts(vector from_a, vector to_a, vector from_b, vector to_b, float alpha)
 {
-  float span = max(length(to_a - from_a), length(to_b - from_b));
-  return clamp((int)ceil(span / (PART_SPAN * alpha)), 1, MOST_PARTS);
+  float span = sqrt(max(square_turn(from_a, to_a), square_turn(from_b, to_b)));
+  return (int)clamp(ceil(span / (PART_SPAN * max(alpha, 1e-6))), 1.0, float(MOST_PARTS));
 }
 
 int patch_columns(Patch patch, float alpha)

@@ -30,6 +30,8 @@
 
 /* Deviation of a uniform spread over 0..1: 1 / sqrt(12). */
 #define UNIFORM_DEVIATION 0.28867513
+/* Largest deviation, in texels, of the positions that one point of a thin footprint stands for: those of half a texel. */
+#define LARGEST_SPREAD 0.14433757
 
 int query_mode(Footprint footprint)
 {
@@ -108,7 +110,7 @@ void visit_patch(output Map map, HalfVector hints[8], int hint_count, float alph
   map.fetches += 1;
   vector centre = strengthened(patch_bounds(map.table, map.inverse_padded_width, map.inverse_padded_height,
                                             map.layer_rows, i, j, ball), map.strength);
-  ball *= max(map.strength, 1.0);
+  ball *= max(abs(map.strength), 1.0);
   int reached = 0;
   for (int h = 0; h < hint_count && !reached; ++h) {
     reached = hint_reaches_ball(hints[h], centre, ball, offset_u + 0.5, offset_v + 0.5);
@@ -208,7 +210,8 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
       float wanted = POINTS_PER_TEXEL * 2.0 * footprint.long_axis * max(2.0 * footprint.short_axis, 1.0);
       points = clamp((int)ceil(min(wanted, LARGEST_VISIT)), FEWEST_POINTS, LARGEST_VISIT);
     }
-    float share = sqrt(KERNEL_VARIANCE / points);
+    /* A point's own spread ends within its patch: beyond, slopes go another way. */
+    float share = min(sqrt(KERNEL_VARIANCE / points), LARGEST_SPREAD / footprint.long_axis);
     for (int k = 0; k < points; ++k) {
       float x, y;
       float first = shift_1 + k * PLASTIC_1;
@@ -227,7 +230,8 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
                     share * footprint.ux, share * footprint.vx, share * footprint.uy, share * footprint.vy, 1.0, s);
       }
       else {
-        visit_texel(map, hints, hint_count, i, j, column + 0.5 - u, row + 0.5 - v, 1.0, s);
+        /* Seen at the point, not at the texel's centre, which may lie far outside a thin footprint. */
+        visit_texel(map, hints, hint_count, i, j, point_u - u, point_v - v, 1.0, s);
       }
     }
   }

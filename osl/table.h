@@ -51,3 +51,17 @@ vector strengthened(color n, float strength)
 {
   return vector(n[0] * strength, n[1] * strength, mix(1.0, n[2], clamp(strength, 0.0, 1.0)));
 }
+
+/* Bounds of the slopes at a strength, of normals whose own lie between low and high: below strength 1 a normal's z grows,
+ * so that slopes shrink by more than the strength, towards 0. */
+void strengthened_bounds(float strength, output vector low, output vector high)
+{
+  if (strength < 1.0) {
+    low = min(low, vector(0));
+    high = max(high, vector(0));
+  }
+  vector one = strength * low;
+  vector other = strength * high;
+  low = min(one, other);
+  high = max(one, other);
+}

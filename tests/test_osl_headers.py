@@ -70,12 +70,17 @@ def test_wrapped_is_the_modulo_of_negative_integers_too():
 
 def test_strength_scales_slopes_as_in_the_normal_map_node():
     rng = np.random.default_rng(2)
-    inputs, (n, strength) = packed(rng.uniform(-1, 1, (ROWS, 3)), rng.uniform(0, 3, ROWS))
+    bounds = np.sort(rng.normal(size=(ROWS, 2, 2)), axis=1)
+    inputs, (n, strength, bounds) = packed(rng.uniform(-1, 1, (ROWS, 3)), rng.uniform(-1, 3, ROWS), bounds)
     osl = evaluate(
         ("table.h",), "vector n = strengthened(vector(in[0], in[1], in[2]), in[3]);"
-        "out[0] = n[0]; out[1] = n[1]; out[2] = n[2];", inputs, 3,
+        "vector low = vector(in[4], in[5], 0); vector high = vector(in[6], in[7], 0);"
+        "strengthened_bounds(in[3], low, high); out[3] = low[0]; out[4] = low[1]; out[5] = high[0]; out[6] = high[1];"
+        "out[0] = n[0]; out[1] = n[1]; out[2] = n[2];", inputs, 7,
     )
-    np.testing.assert_allclose(osl, table.strengthened(n, strength), rtol=0, atol=4 * EPSILON * 3)
+    np.testing.assert_allclose(osl[:, :3], table.strengthened(n, strength), rtol=0, atol=4 * EPSILON * 3)
+    expected = [table.strengthened_bounds(*box, s) for box, s in zip(bounds, strength, strict=True)]
+    np.testing.assert_allclose(osl[:, 3:].reshape(ROWS, 2, 2), expected, rtol=EPSILON, atol=0)
 
 
 # --- footprint.h ---
@@ -253,7 +258,7 @@ HINT_BODY = """
   HalfVector hint;
   hint.f1 = vector(in[0], in[1], in[2]); hint.f2 = vector(in[3], in[4], in[5]); hint.f3 = vector(in[6], in[7], in[8]);
   hint.shift_u1 = in[9]; hint.shift_v1 = in[10]; hint.shift_u2 = in[11]; hint.shift_v2 = in[12];
-  hint.radius = in[13]; hint.ball_growth = in[14]; hint.patch_turn = in[15];
+  hint.radius = in[13]; hint.ball_growth = in[14]; hint.patch_turn = in[15]; hint.reach = 0;
 """
 
 
@@ -294,7 +299,8 @@ def test_slopes_around_a_half_vector_and_the_tests_that_skip():
   out[0] = hint_slope(hint, n, in[19], in[20], p1, p2);
   out[1] = p1; out[2] = p2;
   out[3] = hint_reaches_ball(hint, n, in[21], in[19], in[20]);
-  out[4] = map_reaches_hint(hint, vector(in[22], in[23], 0), vector(in[24], in[25], 0), in[26]);
+  hint.reach = in[26];
+  out[4] = map_reaches_hint(hint, vector(in[22], in[23], 0), vector(in[24], in[25], 0));
 """, np.concatenate([columns, inputs], axis=1), 5,
     )
     valid, slopes = light_hint.hint_slope(hint, n, *offset.T)
@@ -304,7 +310,8 @@ def test_slopes_around_a_half_vector_and_the_tests_that_skip():
     tolerance = ROUNDING / along[clear] * (1 + np.abs(slopes[clear]).max(1))
     assert (np.abs(osl[clear, 1:3] - slopes[clear]).max(1) < tolerance).all()
     assert_flags_agree(osl[:, 3], *light_hint.hint_reaches_ball(hint, n, ball, *offset.T))
-    reached, margin = light_hint.map_reaches_hint(hint, low, high, reach)
+    hint.reach = reach
+    reached, margin = light_hint.map_reaches_hint(hint, low, high)
     corners_along = [hint.forms[:, 2, 0] * a[:, 0] + hint.forms[:, 2, 1] * b[:, 1] + hint.forms[:, 2, 2]
                      for a in (low, high) for b in (low, high)]
     margin = np.where(np.abs(corners_along).min(0) > MARGIN, margin, 0.0)

@@ -22,7 +22,7 @@ ROUNDING = 16 * EPSILON  # of the few operations a value goes through
 seeds = st.integers(0, 2**32 - 1)
 sides = st.integers(1, 9)
 colors = st.floats(0, 1, width=32)
-strengths = st.one_of(st.floats(0, 1), st.floats(1, 10))
+strengths = st.one_of(st.floats(0, 1), st.floats(1, 10), st.floats(-3, 0))
 shapes = st.tuples(sides, sides, st.just(3))
 encoded_maps = arrays.arrays(np.float32, shapes, elements=colors)
 # Of any size that a float32 holds, the smallest and the largest among them.
@@ -146,8 +146,8 @@ def test_the_ball_of_a_patch_holds_its_normals_at_every_strength(seed, height, w
     bounds = table.patch_bounds(normals).astype(float)
     n = shader.strengthened(between(normals, a, b), strength)
     centre = shader.strengthened(bounds[..., :3], strength)
-    ball = bounds[..., 3] * max(strength, 1.0)
-    assert (np.linalg.norm(n - centre, axis=-1) <= ball + ROUNDING * max(strength, 1.0)).all()
+    larger = max(abs(strength), 1.0)
+    assert (np.linalg.norm(n - centre, axis=-1) <= (bounds[..., 3] + ROUNDING) * larger).all()
 
 
 @settings(max_examples=15, deadline=None, derandomize=True)

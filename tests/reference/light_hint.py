@@ -125,7 +125,7 @@ def hint_reaches_ball(hint, centre, ball, offset_u, offset_v):
     return margin > 0, margin
 
 
-def map_reaches_hint(hint, low, high, reach):
+def map_reaches_hint(hint, low, high):
     """Whether any normal with slopes between low and high, (n, 2) each, can come within the region around h."""
     slopes, behind = [], np.zeros(len(hint.radius), bool)
     for corner in range(4):
@@ -133,7 +133,7 @@ def map_reaches_hint(hint, low, high, reach):
         valid, p = hint_slope(hint, n, 0.0, 0.0)
         behind |= ~valid
         slopes.append(p)
-    r = (hint.radius + reach)[:, None]
+    r = (hint.radius + hint.reach)[:, None]
     lowest, highest = np.min(slopes, axis=0), np.max(slopes, axis=0)
     margin = np.minimum(r - lowest, r + highest).min(axis=-1)
     return behind | (margin > 0), np.where(behind, np.inf, margin)

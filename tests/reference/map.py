@@ -58,6 +58,8 @@ def patch_covariance(forms, a, b, first, second):
 
 def patch_parts(from_a, to_a, from_b, to_b, alpha, *, part_span=1.5, most_parts=8):
     """Parts of a patch along one side, and the unrounded number."""
-    span = np.maximum(np.linalg.norm(to_a - from_a, axis=-1), np.linalg.norm(to_b - from_b, axis=-1))
+    turns = [np.linalg.norm(to - start, axis=-1) / np.linalg.norm([start, to], axis=-1).min(axis=0)
+             for start, to in ((from_a, to_a), (from_b, to_b))]
+    span = np.maximum(*turns)
     exact = span / (part_span * alpha)
     return np.clip(np.ceil(exact), 1, most_parts), exact

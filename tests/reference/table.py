@@ -26,7 +26,7 @@ def strengthened_bounds(low, high, strength):
     """Slope bounds (..., 2) of a map whose slopes lie in low..high, at a strength."""
     if strength < 1.0:
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
-    return strength * low, strength * high
+    return np.minimum(strength * low, strength * high), np.maximum(strength * low, strength * high)
 
 
 def table_texel(table, i, j):
