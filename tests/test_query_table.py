@@ -62,7 +62,7 @@ def test_interpolated_normals_are_the_texels_at_their_centres_and_wrap():
 
 @pytest.fixture(scope="module", params=query_scene.MAPS)
 def measured(request):
-    """(name, stored truth, a fresh truth of few samples, elements visited, error) of one map."""
+    """(stored truth, a fresh truth of few samples, elements visited, error) of one map."""
     kind = query_scene.query_map(request.param)
     truth = query_truth.stored(request.param, HALF_WIDTH)
     fresh = query_truth.binned(kind, HALF_WIDTH, samples=10**6)
