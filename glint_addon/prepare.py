@@ -178,6 +178,8 @@ def _warnings(scene, groups) -> list[str]:
         warnings.append("On a GPU, OptiX or other, glints have the noise of Blender's own nodes: choose CPU.")
     if scene.render.use_simplify and getattr(scene.cycles, "texture_limit_render", "OFF") != "OFF":
         warnings.append("Simplify limits texture sizes, which garbles the glint tables: set its limit to No Limit.")
+    if scene.render.use_simplify and getattr(scene.cycles, "texture_resolution_render", 1.0) < 1.0:
+        warnings.append("Simplify scales textures down, which garbles the glint tables: set their resolution to 1.")
     for group in groups:
         image = group["glint_image"]
         if group.library is not None:
