@@ -36,7 +36,7 @@ bench: $(STAMP)  ## Measure run time against error, write tables and plots (40 m
 	@$(VENV_PYTHON) -m benchmarks run $(ARGS)
 
 bench-quick: $(STAMP)  ## Compare what the lobe does on two scenes with the limits (counts; times inform)
-	@$(VENV_PYTHON) -m benchmarks quick
+	@$(VENV_PYTHON) -m benchmarks quick >/dev/null  # where Blender names every picture it saves
 
 clean:  ## Remove what is built; the environment stays
 	@rm -rf dist out .pytest_cache .ruff_cache .hypothesis

@@ -16,7 +16,7 @@ OTHERS = ("query", "temporal", "no_hints")  # modules beside this one with a com
 
 
 def main(arguments=None) -> int:
-    """Command line; returns the exit code. Results go to standard output and files, progress to standard error."""
+    """Command line; returns the exit code. Results go to files, what is said to standard error."""
     options = _parser().parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="glint-benchmark-") as home:
         # Before Blender is imported: tables are not to be left in the user's folder.
@@ -110,8 +110,8 @@ def _quick(options):
     for sentence in sentences:
         _say(sentence)
     for name in quick.SCENES:
-        sys.stdout.write(f"{name}: a sample of Glint takes {quick.time_ratio(name):.2f} times one of Blender's nodes "
-                         "under OSL (for information)\n")
+        _say(f"{name}: a sample of Glint takes {quick.time_ratio(name):.3g} times one of Blender's nodes under OSL "
+             "(for information)")
     _say("Counts exceed their limits" if sentences else "Counts are within their limits")
     return 1 if sentences else 0
 

@@ -81,14 +81,17 @@ def summary_figure(lines):
         axes.plot([1.0, line.speed_up], [place, place], color=color, linewidth=1.0)
         face = "white" if line.extrapolated else color
         axes.plot(line.speed_up, place, "o", color=color, markerfacecolor=face, markersize=6)
-        axes.annotate(f"{line.speed_up:.3g}", (line.speed_up, place), xytext=(8, 0), textcoords="offset points",
-                      va="center", fontsize=7)
+        gains = line.speed_up >= 1.0
+        axes.annotate(f"{line.speed_up:.3g}", (line.speed_up, place), xytext=(8 if gains else -8, 0), fontsize=7,
+                      textcoords="offset points", va="center", ha="left" if gains else "right")
     axes.axvline(1.0, color="0.3", linewidth=0.8)
     middle = median_speed_up(lines)[0]
     axes.axvline(middle, color="#D55E00", linewidth=1.0, linestyle="--")
     axes.annotate(f"median {middle:.3g}", (middle, -0.6), xytext=(3, 0), textcoords="offset points", color="#D55E00",
                   va="center", fontsize=7)
     axes.set_xscale("log")
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter("")
     axes.margins(x=0.12)
     axes.set_ylim(-1, len(ordered) - 0.5)
     axes.set_yticks(range(len(ordered)), [f"{line.scene} ({line.texels:g})" for line in ordered])
