@@ -7,6 +7,8 @@
  * pixel's centre, which is why one sample does so well.) */
 #define FOOTPRINT_SCALE 1.1
 #define FOOTPRINT_EXPONENT 0.21
+/* Least sine of the angle between the axes of the UVs: rounding of float32 leaves nothing of a flatter one. */
+#define LEAST_AXES_SINE 1e-6
 /* Stretch at grazing angles ends where a pixel sees ten thousand times its own width. */
 #define LEAST_COSINE 1e-4
 
@@ -35,13 +37,13 @@ float footprint_radius(float samples)
 /* Footprint from the ray cone. texel_dx, texel_dy: change of the texel coordinates per Dx(P), Dy(P).
  * Cycles gives Dx(P), Dy(P) as an orthonormal pair times the cone's radius, without the stretch of a surface seen at
  * an angle; with q = (I - (I.Ng) Ng) / (I.Ng) in that basis the pixel covers r^2 (1 + q q^T).
- * Returns 0 if there is none (no UV derivatives). */
+ * Returns 0 if there is none (no UV derivatives, or UVs without area). */
 int ray_footprint(vector dpdx, vector dpdy, vector view, vector geometric_normal, float radius,
                   float du_dx, float du_dy, float dv_dx, float dv_dy, output Footprint footprint)
 {
   float determinant = du_dx * dv_dy - du_dy * dv_dx;
   float cone = length(dpdx);
-  if (!(cone > 0.0) || !(abs(determinant) > 0.0)) {
+  if (!(cone > 0.0) || !(abs(determinant) > LEAST_AXES_SINE * hypot(du_dx, du_dy) * hypot(dv_dx, dv_dy))) {
     return 0;
   }
 

@@ -63,6 +63,7 @@ def compare(
     size=SIZE,
     prepare=True,
     lit=True,
+    osl_nodes=False,
     finite_only="",
     case="",
     note="",
@@ -72,14 +73,15 @@ def compare(
     build(scene, material) adds objects, camera, lights and settings to an empty Cycles scene. `surface`: arguments of
     `create_glint_material` (default `SURFACE`). `normal_map`: encoded pixels (height, width, 3), or a function without
     arguments that returns a bpy image (default `gentle_bumps`). `nodes`, `lobe`: (spp, seeds), at least two seeds.
-    `lit`: whether light must come out at all. `finite_only` says why the nodes are no truth here: then the lobe's
-    pixels are only checked to be finite and not negative. `case` tells several comparisons of one test apart.
+    `lit`: whether light must come out at all. `osl_nodes`: run the nodes through OSL too, slower and, rarely, another
+    answer. `finite_only` says why the nodes are no truth here: then the lobe's pixels are only checked to be finite and
+    not negative. `case` tells several comparisons of one test apart.
     Raises AssertionError with the numbers.
     """
     surface = SURFACE if surface is None else surface
     scene, image = _scene(normal_map, size)
     build(scene, truth_material("Truth", image, **surface))
-    scene.cycles.shading_system = False  # the same nodes, without the cost of OSL
+    scene.cycles.shading_system = osl_nodes
     first = pictures(scene, *nodes)
 
     scene, image = _scene(normal_map, size)

@@ -9,6 +9,7 @@ import numpy as np
 FOOTPRINT_SCALE = 1.1
 FOOTPRINT_EXPONENT = 0.21
 LEAST_COSINE = 1e-4
+LEAST_AXES_SINE = 1e-6
 KERNEL_VARIANCE = 0.125
 
 
@@ -44,7 +45,8 @@ def ray_footprint(dpdx, dpdy, view, geometric_normal, radius, du_dx, du_dy, dv_d
     """
     cone = np.linalg.norm(dpdx, axis=-1)
     jacobian = np.stack([np.stack([du_dx, du_dy], -1), np.stack([dv_dx, dv_dy], -1)], -2).astype(float)
-    valid = (cone > 0) & (np.linalg.det(jacobian) != 0)
+    lengths = np.linalg.norm(jacobian, axis=-1).prod(axis=-1)
+    valid = (cone > 0) & (np.abs(np.linalg.det(jacobian)) > LEAST_AXES_SINE * lengths)
     jacobian[~valid] = np.eye(2)
     cone = np.where(valid, cone, 1.0)
 

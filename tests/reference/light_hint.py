@@ -9,6 +9,9 @@ import numpy as np
 HINT_SUN = 1.0
 HINT_LOCAL = 2.0
 LARGEST_REGION = 0.8
+LARGEST_OF_VIEW = 1.0
+LARGEST_OF_LIGHT = 2.0
+LARGEST_TURN = 2.0
 
 
 @dataclass
@@ -73,11 +76,12 @@ def half_vector(light, shape, kind_k_alpha, frame, footprint, dpdx, dpdy, view_t
 
     total = direction + view
     length = np.linalg.norm(total, axis=-1)
-    valid &= (_dot(direction, geometric_normal) >= -np.sin(np.minimum(half_angle, np.pi / 2))) & (length >= 1e-3)
+    valid &= length >= 1e-3
     length = np.where(length > 0, length, 1.0)
     h = total / length[:, None]
     radius = kind_k_alpha + half_angle / length
-    valid &= radius < LARGEST_REGION
+    largest = np.minimum(LARGEST_OF_VIEW * length / 2, LARGEST_OF_LIGHT * _dot(direction, geometric_normal))
+    valid &= radius < np.minimum(largest, LARGEST_REGION)
 
     axes, forms = slope_axes(frame, h)
     turns = []
@@ -93,7 +97,8 @@ def half_vector(light, shape, kind_k_alpha, frame, footprint, dpdx, dpdy, view_t
     turn = np.stack(turns, axis=-1)  # (n, slope, step)
     to_steps = np.stack([np.stack([footprint.xu, footprint.xv], -1), np.stack([footprint.yu, footprint.yv], -1)], -2)
     extent = np.stack([np.hypot(footprint.ux, footprint.uy), np.hypot(footprint.vx, footprint.vy)], axis=-1) + 1.0
-    return valid, bounded_half_vector(h, axes, forms, turn @ to_steps, radius, extent)
+    hint = bounded_half_vector(h, axes, forms, turn @ to_steps, radius, extent)
+    return valid & (hint.patch_turn < LARGEST_TURN), hint
 
 
 def bounded_half_vector(h, axes, forms, shift, radius, extent):
