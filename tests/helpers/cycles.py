@@ -23,7 +23,7 @@ def empty_scene(*, size=(32, 32), spp=1, osl=True, seed=SEED) -> bpy.types.Scene
 
 
 def set_up_cycles(scene, *, size=(32, 32), spp=1, osl=True, seed=SEED):
-    """Cycles on the CPU, `size` = (width, height) pixels, `spp` samples; no denoiser, no adaptive sampling.
+    """Cycles on the CPU, `size` = (width, height) pixels, `spp` samples; no denoiser, adaptive sampling or clamping.
 
     `osl` is the Open Shading Language switch. The pixel filter is left alone; see `box_filter`.
     """
@@ -44,6 +44,8 @@ def set_up_cycles(scene, *, size=(32, 32), spp=1, osl=True, seed=SEED):
     cycles.samples = spp
     cycles.use_adaptive_sampling = False
     cycles.use_denoising = False
+    # Blender clamps indirect light at 10 unless told otherwise: the noisier a picture, the more light that takes away.
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
     cycles.use_light_tree = False
 
 
