@@ -84,10 +84,12 @@ def _uses(scene) -> dict:
     layers = [layer for layer in scene.view_layers if layer.use]
     for layer in layers:
         layer.update()  # for matrices, and for the collections of a scene that was never shown
+    # A view layer's material override stands in for every object's own material.
+    overrides = [layer.material_override for layer in layers if layer.material_override is not None]
     for obj in _rendered_objects(rendered_objects(layers), set()):
-        for slot in obj.material_slots:
-            for group in glint_groups(slot.material):
-                uses.setdefault(group, []).append((obj, slot.material.name))
+        for material in [slot.material for slot in obj.material_slots] + overrides:
+            for group in glint_groups(material):
+                uses.setdefault(group, []).append((obj, material.name))
     return uses
 
 
