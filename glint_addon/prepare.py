@@ -20,6 +20,7 @@ from .visibility import unseen_objects
 
 COUNTS = ("tables_baked", "tables_in_use", "bytes_baked", "bytes_in_use", "images_read")
 
+
 def prepare_scene(scene, progress=None, *, bake_unseen=None) -> dict:
     """Prepare every glint material of `scene` for rendering; safe to call again, then nothing is baked twice.
 

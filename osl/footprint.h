@@ -77,6 +77,18 @@ int ray_footprint(vector dpdx, vector dpdy, vector view, vector geometric_normal
   return footprint.long_axis < 1e9 && product > 0.0;
 }
 
+/* The same footprint, `scale` as wide. */
+void scale_footprint(float scale, output Footprint footprint)
+{
+  footprint.ux *= scale;
+  footprint.uy *= scale;
+  footprint.vx *= scale;
+  footprint.vy *= scale;
+  footprint.area *= scale * scale;
+  footprint.long_axis *= scale;
+  footprint.short_axis *= scale;
+}
+
 /* Kernel over the unit disk, t = x^2 + y^2: smooth and of finite support. Its integral is pi / 3. */
 float footprint_kernel(float t)
 {

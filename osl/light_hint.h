@@ -19,6 +19,9 @@
  * their turn from differences of large numbers (measured: -16 % at a turn of hundreds, within 1 % at one). */
 #define LARGEST_TURN 2.0
 
+/* Largest turn (slope) within the footprint, which is made smaller where there is more: what is left out is quadratic. */
+#define LARGEST_FOOTPRINT_TURN 1.0
+
 /* Slopes around a half vector: p = (n.t1, n.t2) / (n.h) for a normal n in world space, as three linear forms
  * on tangent-space normals: p = (n.f1, n.f2) / (n.f3) + offset in texels * (shift_u, shift_v). */
 struct HalfVector {
@@ -34,7 +37,8 @@ struct HalfVector {
   float shift_u2;
   float shift_v2;
   float radius;
-  float reach;       /* how far slopes turn within the footprint, and a texel beyond */
+  float turn;        /* how far slopes turn from the footprint's middle to its edge */
+  float reach;       /* and a texel beyond */
   float patch_turn;  /* and from a patch's middle to its corners */
   /* How far a ball of normals spreads the three forms, relative to its radius. */
   float ball_growth;
@@ -112,7 +116,8 @@ int half_vector(vector light, vector shape, float region, NormalFrame frame, Foo
 
   float shift_u = hypot(hint.shift_u1, hint.shift_u2);
   float shift_v = hypot(hint.shift_v1, hint.shift_v2);
-  hint.reach = shift_u * (hypot(footprint.ux, footprint.uy) + 1.0) + shift_v * (hypot(footprint.vx, footprint.vy) + 1.0);
+  hint.turn = shift_u * hypot(footprint.ux, footprint.uy) + shift_v * hypot(footprint.vx, footprint.vy);
+  hint.reach = hint.turn + shift_u + shift_v;
   hint.patch_turn = 0.5 * (shift_u + shift_v);
   hint.ball_growth = forms_norm(hint.f1, hint.f2) + (hint.radius + hint.reach) * length(hint.f3);
   return hint.patch_turn < LARGEST_TURN;

@@ -130,6 +130,19 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
     left = LEFT_NOT_REACHED;
     return plain;
   }
+  float turn = 0;
+  for (int k = 0; k < hint_count; ++k) {
+    turn = max(turn, hints[k].turn);
+  }
+  if (turn > LARGEST_FOOTPRINT_TURN) {
+    /* Elements are judged by a linear turn, so look no farther than it holds. */
+    scale_footprint(LARGEST_FOOTPRINT_TURN / turn, footprint);
+    mode = query_mode(footprint);
+    if (mode == MODE_SINGLE && !map.is_linear) {
+      left = LEFT_WITHIN_TEXEL;
+      return plain;
+    }
+  }
   Patch patch;
   if (map.is_linear) {
     patch = hit_patch(map, hit);

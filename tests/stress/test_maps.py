@@ -121,7 +121,7 @@ def test_pixels_that_are_no_colours(stress_record, value):
 @pytest.mark.parametrize("interpolation", WAYS)
 def test_facets_sharper_than_their_differences(stress_record, interpolation):
     # Neighbouring texels differ by 28 alpha: a patch is cut into the most parts there are.
-    compare(stress_record, spread(8.0), normal_map=maps.flakes(64, std=0.2), nodes=(8192, 2), lobe=(64, 2),
+    compare(stress_record, spread(8.0), normal_map=maps.flakes(64, std=0.2), nodes=(2048, 2), lobe=(32, 2),
             surface={"roughness": 0.1, "interpolation": interpolation})
 
 

@@ -140,7 +140,7 @@ def test_mesh(stress_record, mesh):
         add_view(scene)
 
     # Normals into the faces leave nothing to see, with Blender's nodes either.
-    compare(stress_record, build, nodes=(2048, 2), lit=mesh is not normals_into_the_faces)
+    compare(stress_record, build, nodes=(1024, 2), lit=mesh is not normals_into_the_faces)
 
 
 def hair(scene, material):

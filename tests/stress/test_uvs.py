@@ -59,7 +59,7 @@ UVS = {
 @pytest.mark.parametrize("uvs", UVS)
 def test_uvs(stress_record, uvs, interpolation):
     compare(stress_record, lambda scene, material: stage(scene, material, uvs=UVS[uvs]),
-            surface={"roughness": 0.25, "interpolation": interpolation}, nodes=(2048, 2), lobe=(8, 2))
+            surface={"roughness": 0.25, "interpolation": interpolation}, nodes=(1024, 2), lobe=(8, 2))
 
 
 @pytest.mark.parametrize(("layer", "uv_map"), [("UVMap", "Other"), (None, ""), (None, "Other"), ("Other", "Other")])
