@@ -6,7 +6,7 @@ MAKEFLAGS += --no-print-directory
 STAMP := .venv/.glint-stamp
 VENV_PYTHON := .venv/bin/python
 
-.PHONY: help setup demo test lint package truth bench bench-quick clean
+.PHONY: help setup demo test stress lint package truth bench bench-quick clean
 
 help:  ## Say what each target does
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -22,6 +22,10 @@ demo: $(STAMP)  ## Render the demo scenes into out/
 
 test: $(STAMP)  ## Run the tests (ARGS="-k words" chooses)
 	@$(VENV_PYTHON) -m pytest --numprocesses 2 --dist loadfile $(ARGS)
+
+stress: $(STAMP)  ## Run the stress tests alone and list every case in benchmarks/RESULTS.md
+	@$(VENV_PYTHON) -m pytest --numprocesses 2 --dist loadfile tests/stress --stress-report benchmarks/results/stress.json
+	@$(VENV_PYTHON) -m benchmarks report
 
 lint: $(STAMP)  ## Check the style
 	@$(VENV_PYTHON) -m ruff check .

@@ -85,7 +85,7 @@ def page(results, lines) -> str:
     for name, result in results["scenes"].items():
         parts += [f"### {name}", _about(result), f"![Error against time](plots/{name}.png)", row_table(result)]
     if STRESS.is_file():
-        parts += ["## Stress", stress_table(read_json(STRESS))]
+        parts += ["## Stress", stress_table(read_json(STRESS)["cases"])]
     return "\n\n".join(parts) + "\n"
 
 

@@ -140,10 +140,14 @@ def add_lamp(scene, kind, location, target=(0, 0, 0), *, power, **settings) -> b
 
 
 def add_sky(scene, *, sun_elevation, strength=1.0):
-    """Light the scene by Blender's Sky Texture without the sun's disc; `sun_elevation` in radians."""
+    """Light the scene by Blender's Sky Texture without the sun's disc; `sun_elevation` in radians.
+
+    Of Hosek and Wilkie: the newer models are computed for seconds before each render, which drowns small pictures.
+    """
     tree = scene.world.node_tree
     sky = tree.nodes.new("ShaderNodeTexSky")
-    sky.sun_disc, sky.sun_elevation = False, sun_elevation
+    sky.sky_type = "HOSEK_WILKIE"
+    sky.sun_direction = (0.0, -math.cos(sun_elevation), math.sin(sun_elevation))
     background = tree.nodes["Background"]
     background.inputs["Strength"].default_value = strength
     tree.links.new(sky.outputs["Color"], background.inputs["Color"])
