@@ -19,7 +19,9 @@
  * their turn from differences of large numbers (measured: -16 % at a turn of hundreds, within 1 % at one). */
 #define LARGEST_TURN 2.0
 
-/* Largest turn (slope) within the footprint, which is made smaller where there is more: what is left out is quadratic. */
+/* Largest turn (slope) within the footprint, which is made smaller where there is more: what is left out is quadratic.
+ * Measured with a point lamp above a floor: at 1 cm 0.48 of the light without this bound, within noise of all with it.
+ * Tighter bounds cost noise where nothing is wrong: at 0.3 m, 16 samples, 2 % with 0.1 and 0.6 % with 0.5. */
 #define LARGEST_FOOTPRINT_TURN 1.0
 
 /* Slopes around a half vector: p = (n.t1, n.t2) / (n.h) for a normal n in world space, as three linear forms

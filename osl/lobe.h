@@ -111,6 +111,7 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
 
   /* Keep the hints that the map can answer here. */
   HalfVector hints[8];
+  float turn = 0;
   float view_turn = length(Dx(I)) / length(dpdx);
   float region = REGION * alpha;
   int bounded = high[0] > low[0] || high[1] > low[1];
@@ -123,16 +124,13 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
       if (!bounded || map_reaches_hint(hint, strong_low, strong_high)) {
         hints[hint_count] = hint;
         hint_count += 1;
+        turn = max(turn, hint.turn);
       }
     }
   }
   if (hint_count == 0) {
     left = LEFT_NOT_REACHED;
     return plain;
-  }
-  float turn = 0;
-  for (int k = 0; k < hint_count; ++k) {
-    turn = max(turn, hints[k].turn);
   }
   if (turn > LARGEST_FOOTPRINT_TURN) {
     /* Elements are judged by a linear turn, so look no farther than it holds. */
