@@ -69,7 +69,7 @@ def headline_table(lines, results) -> str:
         ("cost of a sample of Glint / of Blender's nodes under OSL: median, worst", _sample_text),
     )
     rows += [(name, *(text(chosen) if chosen else "" for chosen in (lines, small))) for name, text in figures]
-    footer = "\\* extrapolated by the nodes' law, error² = c / spp, from the largest budget measured (5 s)."
+    footer = "\\* extrapolated by the nodes' law, error² = c / spp, from the largest budget measured."
     return _markdown(rows) + f"\n\n{footer}\n{machines(results)}"
 
 
