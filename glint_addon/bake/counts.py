@@ -1,0 +1,211 @@
+"""The counts table: how many elements of square blocks of a normal map have a slope below any corner of a grid.
+
+For footprints of thousands of texels the single element no longer matters, only how many there are of each slope. A
+summed-area table over slope bins tells that of any rectangle of slopes with four fetches (Crow, "Summed-Area Tables for
+Texture Mapping", SIGGRAPH 1984), in blocks of several sizes, so that a footprint of any size takes a few fetches.
+
+* Elements: texels (Closest), or bilinear patches between texel centres (Linear; the map repeats), cut in k x k
+  sub-points of 1 / k^2 each. Patch (i, j), whose lower left corner is texel (i, j), belongs to the block of that texel.
+* Blocks: of side B = 64, 128, ... texels (Closest) or 32, 64, ... (Linear), in groups of 2 x 2, up to the side where
+  one group is the whole map. The sides are stretched so that whole groups fill the map, whatever its size.
+* Slope: (n.x / n.z, n.y / n.z) of the map's own normals, Strength not applied. Normals with n.z <= 0 and slopes outside
+  the box (see `slope_box`) are not counted: the shader meets them by chance alone.
+
+Layout (read by osl/counts.h; a test compares the constants): an RGBA float32 OpenEXR file, both sides powers of two,
+because Cycles fetches exactly only at (i + 0.5) / 2^n. Texel t of the list lies at column t % width, row t / width, row
+0 at the bottom:
+
+* texel 0: (MAGIC, side of the first level's blocks, number of levels, 0);
+* from 1 on, for each level in rising B, each group row by row, each j, each i below `corners`: the number of elements
+  whose bin is below i along slope u and below j along slope v, in the group's four blocks (R: low u low v, G: high u
+  low v, B: low u high v, A: high u high v). So (0, *) and (*, 0) are 0, and the last corner has all in the box.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import TableError
+from .float_image import write_whole
+
+MAGIC = 7927.0  # in no table of another kind
+VERSION = 1  # part of the content address: raise it when the layout changes
+SUFFIX = ".exr"
+FIRST_BLOCK = {"CLOSEST": 64, "LINEAR": 32}  # texels; below, the shader enumerates elements
+# Corners of the slope grid along each axis, by block side: more as blocks hold more elements, and so many that all
+# levels of a square map whose side is a power of two fit 16 bytes a texel with the padding.
+CORNERS = {
+    "CLOSEST": {64: 88, 128: 136, 256: 184, 512: 232, 1024: 256},
+    "LINEAR": {32: 46, 64: 64, 128: 90, 256: 128, 512: 160, 1024: 192},
+}
+LARGEST_LISTED = 1024  # texels: larger blocks have as many corners
+# Sub-points of a patch along each axis (Linear), by block side: where blocks hold few patches a patch's own spread
+# shows. Powers of two, whose squares' reciprocals add up exactly.
+SUB_POINTS = {32: 4, 64: 4}
+SUB_POINTS_ABOVE = 2
+OUTERMOST = 0.001  # part of the map's slopes that may lie outside the box, on each side of each axis
+LEAST_RANGE = 1e-4  # of the box along an axis, in slope: far below any lobe's width
+MARGIN = 1e-3  # of the box's range, on each side: the slopes at its rim are many in an 8-bit map, and belong inside
+LARGEST_SLOPE = 1000.0  # 0.06 degrees above the horizon: steeper normals are seen by no one and would stretch the box
+SMALLEST_WIDTH, LARGEST_WIDTH = 16, 8192  # of the file, in texels
+
+
+def groups(size: int, block: int) -> int:
+    """Groups of two blocks of side `block` (texels) along a side of `size` texels; at least 1."""
+    return max(1, (size + block) // (2 * block))
+
+
+def counts_levels(width: int, height: int, interpolation: str) -> tuple[int, ...]:
+    """Sides in texels of the blocks of every level of a map, rising; the last has one group."""
+    levels = [FIRST_BLOCK[interpolation]]
+    while groups(width, levels[-1]) * groups(height, levels[-1]) > 1:
+        levels.append(2 * levels[-1])
+    return tuple(levels)
+
+
+def corners(block: int, interpolation: str) -> int:
+    """Corners of the slope grid along each axis, one more than bins, at blocks of side `block`."""
+    return CORNERS[interpolation][min(block, LARGEST_LISTED)]
+
+
+def sub_points(block: int, interpolation: str) -> int:
+    """Points along each axis at which an element is sampled, at blocks of side `block`."""
+    return SUB_POINTS.get(block, SUB_POINTS_ABOVE) if interpolation == "LINEAR" else 1
+
+
+def stored_levels(width: int, height: int, interpolation: str, levels: tuple[int, int]) -> tuple[int, ...]:
+    """Block sides from `levels` = (first, last), both included. Raises TableError if the map has not both."""
+    every = counts_levels(width, height, interpolation)
+    first, last = levels
+    if first not in every or last not in every or first > last:
+        raise TableError(
+            f"Blocks of {first} to {last} texels are no levels of a {interpolation.title()} map of {width} x {height}: "
+            f"choose among {', '.join(map(str, every))}."
+        )
+    return every[every.index(first) : every.index(last) + 1]
+
+
+def file_size(width: int, height: int, interpolation: str, levels: tuple[int, int]) -> tuple[int, int]:
+    """(width, height) in texels of the file with the `levels` of a map of `width` x `height` texels."""
+    texels = 1 + sum(
+        groups(width, block) * groups(height, block) * corners(block, interpolation) ** 2
+        for block in stored_levels(width, height, interpolation, levels)
+    )
+    file_width = SMALLEST_WIDTH
+    while file_width < LARGEST_WIDTH and file_width**2 < texels:
+        file_width *= 2
+    rows = -(-texels // file_width)
+    return file_width, 1 << (rows - 1).bit_length()
+
+
+def slope_box(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Low and high corner, float32 (2,) each, of the box of slopes that are counted.
+
+    normals: (height, width, 3) of `decoded_normals`. It holds all slopes but the OUTERMOST on each side of each axis.
+    """
+    up = normals[normals[..., 2] > 0]
+    with np.errstate(over="ignore"):
+        slopes = up[:, :2] / up[:, 2:]
+    slopes = slopes[(np.abs(slopes) <= LARGEST_SLOPE).all(axis=1)]
+    if not len(slopes):
+        slopes = np.zeros((1, 2), np.float32)
+    rank = int(OUTERMOST * len(slopes))
+    ordered = np.sort(slopes, axis=0)
+    low, high = ordered[rank].astype(np.float64), ordered[-1 - rank].astype(np.float64)
+    margin = np.maximum(MARGIN * (high - low), LEAST_RANGE / 2)
+    return (low - margin).astype(np.float32), (high + margin).astype(np.float32)
+
+
+def counts_texels(normals, interpolation: str, levels: tuple[int, int], box, progress=None) -> np.ndarray:
+    """Padded RGBA float32 pixels of the table, row 0 at the bottom; normals: (height, width, 3).
+
+    levels: sides of the first and the last level's blocks; box: `slope_box`; progress: called with the part that is
+    done, 0..1; what it raises ends the work. Raises TableError for levels that the map has not.
+    """
+    height, width = normals.shape[:2]
+    blocks = stored_levels(width, height, interpolation, levels)
+    file_width, rows = file_size(width, height, interpolation, levels)
+    texels = np.zeros((file_width * rows, 4), np.float32)
+    texels[0, :3] = MAGIC, blocks[0], len(blocks)
+    start = 1
+    for number, block in enumerate(blocks):
+        side = corners(block, interpolation)
+        table = level_counts(normals, interpolation, block, box)
+        texels[start : start + table.size // 4] = table.reshape(-1, 4)
+        start += groups(width, block) * groups(height, block) * side * side
+        if progress is not None:
+            progress((number + 1) / len(blocks))
+    return texels.reshape(rows, file_width, 4)
+
+
+def level_counts(normals, interpolation, block, box) -> np.ndarray:
+    """Counts of one level: float32 (groups along v, groups along u, corners, corners, 4), as [.., .., j, i, block]."""
+    height, width = normals.shape[:2]
+    along_u, along_v = groups(width, block), groups(height, block)
+    bins = corners(block, interpolation) - 1
+    child_u, child_v = children(width, along_u), children(height, along_v)
+    place = child_v[:, None] // 2 * along_u + child_u // 2  # group of each texel
+    child = child_v[:, None] % 2 * 2 + child_u % 2
+    k = sub_points(block, interpolation)
+    histogram = np.zeros(along_u * along_v * bins * bins * 4)
+    for slopes, up in sampled_slopes(normals, k, interpolation):
+        bin_uv = np.floor((slopes - box[0]) / (box[1] - box[0]) * bins)
+        inside = up & ((bin_uv >= 0) & (bin_uv < bins)).all(axis=-1)
+        u, v = np.moveaxis(bin_uv[inside].astype(np.intp), -1, 0)
+        index = ((place[inside] * bins + v) * bins + u) * 4 + child[inside]
+        histogram += np.bincount(index, minlength=histogram.size)
+    histogram = histogram.reshape(along_v, along_u, bins, bins, 4) / k**2
+    table = np.zeros((along_v, along_u, bins + 1, bins + 1, 4), np.float32)
+    table[:, :, 1:, 1:] = histogram.cumsum(axis=2).cumsum(axis=3)
+    return table
+
+
+def children(size: int, count: int) -> np.ndarray:
+    """Number of the block (two in a group) that holds each of `size` texels along a side cut in `count` groups."""
+    edges = np.arange(2 * count + 1) * size // (2 * count)
+    return np.repeat(np.arange(2 * count), np.diff(edges))
+
+
+def sampled_slopes(normals, k, interpolation):
+    """Yield slopes (height, width, 2) of each element at each of its k x k points, and where they exist (n.z > 0)."""
+    if interpolation == "CLOSEST":
+        yield _slopes(normals)
+        return
+    right = np.roll(normals, -1, axis=1)
+    upper, across = np.roll(normals, -1, axis=0), np.roll(right, -1, axis=0)
+    for b in (np.arange(k, dtype=np.float32) + 0.5) / k:
+        for a in (np.arange(k, dtype=np.float32) + 0.5) / k:
+            low = normals + a * (right - normals)
+            yield _slopes(low + b * (upper + a * (across - upper) - low))
+
+
+def _slopes(normals):
+    up = normals[..., 2] > 0
+    with np.errstate(over="ignore"):
+        return normals[..., :2] / np.where(up, normals[..., 2], 1)[..., None], up
+
+
+def counts_name(normals: np.ndarray, interpolation: str, levels: tuple[int, int]) -> str:
+    """File name by content and levels: the same normals give the same name on every machine."""
+    digest = hashlib.blake2b(f"glint counts {VERSION} {interpolation} {normals.shape}".encode())
+    digest.update(np.ascontiguousarray(normals, dtype=np.float32).data)
+    return f"glint_{digest.hexdigest()[:24]}_{levels[0]}_{levels[1]}{SUFFIX}"
+
+
+def bake_counts(normals: np.ndarray, folder: Path, *, interpolation: str, levels: tuple[int, int], progress=None):
+    """Write the counts of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless they are there.
+
+    levels and progress as for `counts_texels`. Returns the path, whether it was written now, and the slope box, low and
+    high. The file appears whole or not at all. Raises TableError for levels that the map has not, or if the folder
+    cannot be written to.
+    """
+    stored_levels(normals.shape[1], normals.shape[0], interpolation, levels)
+    path = Path(folder) / counts_name(normals, interpolation, levels)
+    low, high = slope_box(normals)
+    if path.is_file() and path.stat().st_size > 0:
+        return path, False, low, high
+    write_whole(path, counts_texels(normals, interpolation, levels, (low, high), progress))
+    return path, True, low, high
