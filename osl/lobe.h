@@ -1,14 +1,5 @@
 /* The glint lobe of one shading point: elements near the hinted lights' half vectors, and the remainder. */
 
-/* What the map shows at the hit point. */
-struct Hit {
-  float u;       /* texel coordinates; for Linear less half a texel, so that patches start at whole numbers */
-  float v;
-  float i;       /* whole part: the texel or patch */
-  float j;
-  vector n;      /* tangent-space normal, not normalised */
-};
-
 /* The bilinear patch around the hit point; Linear only. */
 Patch hit_patch(output Map map, Hit hit)
 {
@@ -24,17 +15,20 @@ Hit map_hit(output Map map, point uv)
   hit.i = floor(hit.u);
   hit.j = floor(hit.v);
   if (!map.is_linear) {
-    hit.n = map_normal(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
+    hit.own = map_own_normal(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
   }
   else if (hit.i >= 0 && hit.j >= 0 && hit.i + 1 < map.width && hit.j + 1 < map.height) {
     map.fetches += 1;
-    hit.n = strengthened(table_between(map.table, map.inverse_padded_width, map.inverse_padded_height, hit.u + 0.5,
-                                       hit.v + 0.5), map.strength);
+    hit.own = table_between(map.table, map.inverse_padded_width, map.inverse_padded_height, hit.u + 0.5, hit.v + 0.5);
   }
   else {
     /* Interpolate over the map's edge, where the padded table has other things. */
-    hit.n = patch_normal(hit_patch(map, hit), hit.u - hit.i, hit.v - hit.j);
+    Map plain = map;
+    plain.strength = 1.0;
+    hit.own = patch_normal(hit_patch(plain, hit), hit.u - hit.i, hit.v - hit.j);
+    map.fetches = plain.fetches;
   }
+  hit.n = strengthened(hit.own, map.strength);
   return hit;
 }
 
@@ -151,20 +145,44 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
     return patch_closure(distribution, alpha, patch, hit, frame, footprint, hints[0]);
   }
 
-  Selection s;
-  int visited;
-  vector shift = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
-  float total = glint_query(map, hints, hint_count, alpha, footprint, mode, hit.u, hit.v, shift[0], shift[1], s, visited);
-
-  /* The remainder is the sample's own normal, unless the query has it. */
+  /* Far away counts of blocks, else the elements themselves. The remainder is the sample's own normal, unless it is
+   * among what they select. */
+  float lobe = LARGEST_REGION;
+  for (int k = 0; k < hint_count; ++k) {
+    lobe = min(lobe, hints[k].radius / REGION);
+  }
+  Level level = far_level(map.counts, footprint, map.width, map.height, map.is_linear, map.strength, lobe);
+  Cells cells[8];
+  int is_selected = 0;
+  if (level.block > 0) {
+    mode = MODE_COUNTS;
+    for (int k = 0; k < hint_count; ++k) {
+      cells[k] = far_cells_of(hints[k], hint_count, map.counts, level, map.strength);
+    }
+    is_selected = hit_is_counted(hints, hint_count, cells, level, map, hit);
+  }
+  else {
+    is_selected = hit_is_selected(map, hints, hint_count, alpha, mode, patch, hit.u - hit.i, hit.v - hit.j, hit.n);
+  }
   closure color remainder = 0;
   int closures = 0;
-  if (!hit_is_selected(map, hints, hint_count, alpha, mode, patch, hit.u - hit.i, hit.v - hit.j, hit.n)) {
+  if (!is_selected) {
     remainder = plain;
     closures = 1;
   }
-  closure color sum = selection_closures(
-      distribution, alpha, hints, hint_count, s, total, hit.u, hit.v, remainder, closures);
+
+  int visited = 0;
+  closure color sum = 0;
+  vector shift = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
+  if (mode == MODE_COUNTS) {
+    sum = counts_closures(distribution, alpha, map, level, hints, hint_count, cells, footprint, hit.u, hit.v, shift[0],
+                          shift[1], remainder, visited, closures);
+  }
+  else {
+    Selection s;
+    float total = glint_query(map, hints, hint_count, alpha, footprint, mode, hit.u, hit.v, shift[0], shift[1], s, visited);
+    sum = selection_closures(distribution, alpha, hints, hint_count, s, total, hit.u, hit.v, remainder, closures);
+  }
   counters = color(visited, closures, mode);
   return sum;
 }

@@ -1,5 +1,14 @@
 /* The normal map: texels, bilinear patches, and their slopes around a half vector. */
 
+/* Counts of its slopes, see counts.h. */
+struct Counts {
+  string table;
+  int first;  /* side in texels of the smallest block; 0: no counts */
+  int levels;
+  vector low;  /* slopes of the lowest corner */
+  vector high; /* and of the highest */
+};
+
 struct Map {
   string table;
   int width;
@@ -9,7 +18,18 @@ struct Map {
   float inverse_padded_height;
   float strength;
   int is_linear;
+  Counts counts;
   int fetches; /* texture() calls so far; costs nothing unless the shader's output Costs is linked */
+};
+
+/* What the map shows at the hit point. */
+struct Hit {
+  float u;       /* texel coordinates; for Linear less half a texel, so that patches start at whole numbers */
+  float v;
+  float i;       /* whole part: the texel or patch */
+  float j;
+  vector n;      /* tangent-space normal, not normalised */
+  vector own;    /* the same as the map has it, without Strength */
 };
 
 int map_is_intact(output Map map)
@@ -18,11 +38,16 @@ int map_is_intact(output Map map)
   return table_is_intact(map.table, map.inverse_padded_width, map.inverse_padded_height);
 }
 
-vector map_normal(output Map map, int i, int j)
+/* The normal of texel (i, j) as the map has it. */
+vector map_own_normal(output Map map, int i, int j)
 {
   map.fetches += 1;
-  return strengthened(
-      table_texel(map.table, map.inverse_padded_width, map.inverse_padded_height, i, j), map.strength);
+  return table_texel(map.table, map.inverse_padded_width, map.inverse_padded_height, i, j);
+}
+
+vector map_normal(output Map map, int i, int j)
+{
+  return strengthened(map_own_normal(map, i, j), map.strength);
 }
 
 /* The bilinear patch between texel (i, j) and its right and upper neighbours. */

@@ -22,6 +22,7 @@
 #define MODE_POINTS 2
 #define MODE_ALL 3
 #define MODE_SUBSET 4
+#define MODE_COUNTS 5
 
 /* Additive recurrence with the plastic number: the k-th of a low-discrepancy set of points in the unit square.
  * Source: Roberts, The Unreasonable Effectiveness of Quasirandom Sequences, 2018. */
