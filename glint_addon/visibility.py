@@ -49,9 +49,7 @@ def unseen_objects(scene, things) -> set:
     Nothing is unseen in a scene without a camera, with one that may move or look all around, or where objects or
     nodes place copies of others.
     """
-    cameras = {thing for thing in scene.objects if thing.type == "CAMERA"}
-    cameras |= {marker.camera for marker in scene.timeline_markers if marker.camera}
-    cameras |= {scene.camera} - {None}
+    cameras = scene_cameras(scene)
     if not cameras or scene.render.use_multiview or any(copies_others(thing) for thing in scene.objects):
         return set()
     views = [_view(camera, scene) for camera in cameras]
@@ -59,6 +57,13 @@ def unseen_objects(scene, things) -> set:
         return set()
     judged = [thing for thing in things if has_fixed_box(thing)]
     return {thing for thing in judged if not any(view.meets(_corners(thing)) for view in views)}
+
+
+def scene_cameras(scene) -> set:
+    """The cameras that `scene` has or may be rendered with."""
+    cameras = {thing for thing in scene.objects if thing.type == "CAMERA"}
+    cameras |= {marker.camera for marker in scene.timeline_markers if marker.camera}
+    return cameras | {scene.camera} - {None}
 
 
 def _view(camera, scene) -> View | None:

@@ -10,7 +10,7 @@ ADDON = ROOT / "glint_addon"
 
 # What each part of the package may import of the others, besides itself; "" is glint_addon/__init__.py.
 BASE = {"paths", "errors"}
-CORE = BASE | {"images", "bake", "nodes", "lights", "material", "visibility", "prepare"}
+CORE = BASE | {"images", "bake", "nodes", "lights", "material", "visibility", "footprints", "prepare"}
 ALLOWED = {
     "paths": set(),
     "errors": set(),
@@ -19,9 +19,12 @@ ALLOWED = {
     "nodes": BASE | {"bake", "images"},
     "motion": set(),
     "visibility": {"motion"},
+    "coordinates": set(),
+    "eyes": {"lights", "motion", "visibility"},
+    "footprints": {"bake", "coordinates", "eyes", "motion"},
     "lights": BASE | {"bake", "images", "motion", "nodes"},
     "material": BASE | {"bake", "images", "nodes", "lights"},
-    "prepare": BASE | {"bake", "images", "nodes", "lights", "material", "visibility"},
+    "prepare": BASE | {"bake", "images", "nodes", "lights", "material", "visibility", "footprints"},
     "operators": CORE,
     "ui": CORE | {"operators"},
     "blend_file": BASE,

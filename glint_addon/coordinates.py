@@ -1,0 +1,147 @@
+"""How densely a material lays a map on a surface: texels per metre, by the links of its nodes and the mesh's UV map."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from mathutils import Euler
+
+# Part of a surface whose densities count for nothing, at either end: slivers, and the poles of a sphere's UV map.
+OUTERMOST_AREA = 0.01
+# A surface seen at an angle lengthens a footprint, also across a map squeezed there: by this at most (1 / cosine,
+# 60 degrees). Beyond, on a ball, it is a quarter of the picture, which the range's own margin holds up to 75 degrees.
+LARGEST_STRETCH = 2.0
+
+
+def uv_transforms(material, group) -> list[tuple[str, np.ndarray]] | None:
+    """How `material` places the map of `group`: [(name of the UV map, (2, 2) matrix, UVs to map coordinates), ...].
+
+    "" is the UV map that is active for rendering. None if that cannot be told: other coordinates, nodes that are
+    animated or not plain, a group inside another group.
+    """
+    tree = material.node_tree
+    if tree.animation_data is not None or tree.library is not None:
+        return None
+    found = []
+    for node in tree.nodes:
+        if node.bl_idname != "ShaderNodeGroup" or node.node_tree is None:
+            continue
+        if node.node_tree == group:
+            found.append(_uv_transform(node.inputs["Vector"]))
+        elif _holds(node.node_tree, group, set()):
+            return None
+    return None if None in found or not found else found
+
+
+def _holds(tree, group, seen: set) -> bool:
+    """Whether node tree `tree` is or holds `group`, at any depth."""
+    if tree is None or tree in seen:
+        return False
+    seen.add(tree)
+    return tree == group or any(_holds(getattr(node, "node_tree", None), group, seen) for node in tree.nodes)
+
+
+def _uv_transform(socket) -> tuple[str, np.ndarray] | None:
+    """The UV map and the matrix that end at a Vector input, through Reroute and Mapping nodes; else None."""
+    matrix = np.eye(3)
+    while len(socket.links) == 1:
+        link = socket.links[0]
+        node = link.from_node
+        if node.mute or link.is_muted:
+            return None
+        if node.bl_idname == "ShaderNodeUVMap" and not node.from_instancer:
+            return node.uv_map, matrix[:2, :2]
+        if node.bl_idname == "ShaderNodeTexCoord" and link.from_socket.name == "UV" and not node.from_instancer:
+            return "", matrix[:2, :2]
+        if node.bl_idname == "NodeReroute":
+            socket = node.inputs[0]
+            continue
+        own = _mapping_matrix(node) if node.bl_idname == "ShaderNodeMapping" else None
+        if own is None:
+            return None
+        matrix = matrix @ own
+        socket = node.inputs["Vector"]
+    return None
+
+
+def _mapping_matrix(node) -> np.ndarray | None:
+    """The linear part (3, 3) of a Mapping node whose values are fixed, else None."""
+    if node.vector_type == "NORMAL" or any(node.inputs[name].is_linked for name in ("Location", "Rotation", "Scale")):
+        return None
+    rotation = np.array(Euler(node.inputs["Rotation"].default_value).to_matrix())
+    scale = np.array(node.inputs["Scale"].default_value)
+    if node.vector_type != "TEXTURE":
+        return rotation * scale
+    # Texture coordinates are transformed the other way; Cycles makes a division by zero 0.
+    return np.divide(1.0, scale, out=np.zeros(3), where=scale != 0)[:, None] * rotation.T
+
+
+def texel_densities(mesh, matrix, uv_map: str, transform) -> tuple[float, float] | None:
+    """Smallest and largest texels per metre along the short axis of a round footprint on a mesh, or None.
+
+    matrix: (3, 3), mesh to world; transform: (2, 2), UVs of the UV map `uv_map` to texels. The largest holds for
+    surfaces seen at an angle too, up to LARGEST_STRETCH. None without that UV map, or where all of it is degenerate.
+    """
+    layers = [layer for layer in mesh.uv_layers if layer.name == uv_map or not uv_map and layer.active_render]
+    if not layers:
+        return None
+    mesh.calc_loop_triangles()
+    loops = _values(mesh.loop_triangles, "loops", np.int32).reshape(-1, 3)
+    corners = _values(mesh.loop_triangles, "vertices", np.int32).reshape(-1, 3)
+    places = vertices(mesh)[corners] @ np.asarray(matrix, float).T
+    texels = _values(layers[0].uv, "vector", np.float32).reshape(-1, 2).astype(float)[loops] @ np.asarray(transform).T
+
+    # Singular values of texels by metres, by traces and determinants of 2 x 2 matrices.
+    sides = places[:, 1:] - places[:, :1]
+    changes = texels[:, 1:] - texels[:, :1]
+    metric = np.einsum("tic,tjc->tij", sides, sides)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        area = 0.5 * np.sqrt(np.linalg.det(metric))
+        product = np.abs(np.linalg.det(changes)) / (2.0 * area)
+        usable = (area > 0.0) & (product > 0.0) & np.isfinite(product)
+    if not usable.any():
+        return None
+    area, product = area[usable], product[usable]
+    change = changes[usable]
+    trace = np.einsum("tia,tij,tja->t", change, np.linalg.inv(metric[usable]), change)
+    largest = np.sqrt(0.5 * (trace + np.sqrt(np.maximum(trace**2 - 4.0 * product**2, 0.0))))
+    smallest = product / largest
+    seen_at_an_angle = np.minimum(largest, LARGEST_STRETCH * smallest)
+    return (
+        _quantile(smallest, area, OUTERMOST_AREA),
+        _quantile(seen_at_an_angle, area, 1.0 - OUTERMOST_AREA),
+    )
+
+
+def vertices(mesh) -> np.ndarray:
+    """Places (n, 3) of a mesh's vertices, in its own space."""
+    return _values(mesh.vertices, "co", np.float32).reshape(-1, 3).astype(float)
+
+
+def face_planes(mesh, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Outward normals (n, 3) and centres (n, 3) of at most about `count` faces, spread over the mesh."""
+    step = max(len(mesh.polygons) // count, 1)
+    normals, centres = (_values(mesh.polygons, name, np.float32).reshape(-1, 3) for name in ("normal", "center"))
+    return normals[::step].astype(float), centres[::step].astype(float)
+
+
+def evaluated_mesh(thing, depsgraph) -> bpy.types.Mesh | None:
+    """The mesh of an object with its modifiers, or None if the view layer has none to give."""
+    evaluated = thing.evaluated_get(depsgraph)
+    if thing.modifiers and not evaluated.is_evaluated:
+        return None
+    return evaluated.data if len(evaluated.data.polygons) else None
+
+
+def _values(collection, name, kind) -> np.ndarray:
+    """A property of two (UVs) or three numbers of all members, in one row."""
+    values = np.empty(len(collection) * (2 if name == "vector" else 3), kind)
+    collection.foreach_get(name, values)
+    return values
+
+
+def _quantile(values, weights, part: float) -> float:
+    """The value below which `part` of the weights lie."""
+    order = np.argsort(values)
+    below = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(below, part * below[-1]).clip(0, len(order) - 1)])

@@ -1,0 +1,124 @@
+"""Which footprints, in texels, the cameras of a scene see of a map: they decide which levels of counts are baked.
+
+A footprint beyond these renders right too, only noisier or slower; so the range errs on the wide side, and where it
+cannot be told, it is everything.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from .bake.counts import counts_levels
+from .coordinates import evaluated_mesh, face_planes, texel_densities, uv_transforms, vertices
+from .eyes import depth_range, is_inside, scene_eyes
+from .motion import copies_others, has_fixed_box
+
+# Radius in pixels of the footprint of one of `samples` samples: osl/footprint.h.
+FOOTPRINT_SCALE = 1.1
+FOOTPRINT_EXPONENT = 0.21
+# Largest side of a block relative to the footprint's short semi-axis, for the shader to count blocks: osl/counts.h.
+FAR_SIDE = 0.34
+# Long footprints take larger blocks, not more of them: blocks this much larger are baked too. They are few.
+LONG_FOOTPRINTS = 4.0
+# On both sides: for another number of samples (16 instead of 256: 1.8) or a camera moved a little after preparing.
+MARGIN = 2.0
+EVERYTHING = (0.0, np.inf)
+NOTHING = (np.inf, 0.0)
+# Nodes that scatter light so widely, or not at all, that no surface is seen in them.
+NO_MIRRORS = {
+    "ShaderNodeAddShader", "ShaderNodeBackground", "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfTransparent",
+    "ShaderNodeBsdfTranslucent", "ShaderNodeEmission", "ShaderNodeHoldout", "ShaderNodeMixShader",
+    "ShaderNodeOutputMaterial",
+}
+JUDGED_FACES = 256  # of a mesh, to find out whether it can see itself
+LEAST_HOLLOW = 1e-3  # of the mesh's size: how far a point stands above a face that sees it; less is rounding
+
+
+def footprint_range(scene, group, uses, size, *, mirrored=False) -> tuple[float, float]:
+    """Smallest and largest short semi-axis, in texels, of a sample's footprint on the map of `group` in `scene`.
+
+    uses: (object, material) pairs that have the group; size: (width, height) of the map in texels. mirrored: judge as
+    if mirrors showed every object. The margin is included. (0, inf) where it cannot be told; (inf, 0) if nothing is
+    seen. Matrices must be current. Source of the footprint: osl/footprint.h.
+    """
+    eyes = scene_eyes(scene)
+    if not eyes or any(copies_others(thing) for thing in scene.objects):
+        return EVERYTHING
+    ranges = []
+    for thing, material in dict.fromkeys(uses):
+        places = uv_transforms(material, group)
+        mesh = _still_mesh(scene, thing)
+        if places is None or mesh is None:
+            return EVERYTHING
+        seen_in_mirrors = mirrored or _is_mirrored(scene, thing, mesh, any(is_inside(eye, thing) for eye in eyes))
+        for uv_map, transform in places:
+            texels = np.diag(np.asarray(size, float)) @ transform
+            density = texel_densities(mesh, np.array(thing.matrix_world)[:3, :3], uv_map, texels)
+            if density is None:
+                return EVERYTHING
+            ranges += [_seen(eye, thing, density, seen_in_mirrors) for eye in eyes]
+    radius = FOOTPRINT_SCALE * max(scene.cycles.samples, 1) ** -FOOTPRINT_EXPONENT
+    smallest, largest = NOTHING if not ranges else (min(low for low, _ in ranges), max(high for _, high in ranges))
+    return float(smallest * radius / MARGIN), float(largest * radius * MARGIN)
+
+
+def counts_levels_reached(footprints, width: int, height: int, interpolation: str) -> tuple[int, int] | None:
+    """Sides (first, last) of the blocks whose counts a map of `width` x `height` texels needs, None if it needs none.
+
+    footprints: smallest and largest short semi-axis in texels, of `footprint_range`.
+    """
+    smallest, largest = footprints
+    levels = counts_levels(width, height, interpolation)
+    if not levels or FAR_SIDE * largest < levels[0]:
+        return None
+    nearest = [block for block in levels if block <= FAR_SIDE * smallest]
+    farthest = [block for block in levels if block <= FAR_SIDE * largest * LONG_FOOTPRINTS]
+    return max(nearest, default=levels[0]), max(farthest)
+
+
+def _still_mesh(scene, thing) -> bpy.types.Mesh | None:
+    """The mesh that is rendered of an object at every frame, or None if it may change."""
+    if not has_fixed_box(thing) or abs(np.linalg.det(np.array(thing.matrix_world)[:3, :3])) == 0.0:
+        return None
+    depsgraph = next((layer.depsgraph for layer in scene.view_layers if layer.use), None)
+    return evaluated_mesh(thing, depsgraph) if depsgraph is not None else None
+
+
+def _seen(eye, thing, density, seen_in_mirrors) -> tuple[float, float]:
+    """Smallest and largest footprint, in texels a pixel radius, that an eye sees of an object; NOTHING if none."""
+    depths = depth_range(eye, thing, seen_in_mirrors)
+    if depths is None:
+        return NOTHING
+    if not eye.is_perspective:
+        return density[0] * eye.pixel, np.inf if seen_in_mirrors else density[1] * eye.pixel
+    return density[0] * eye.pixel * depths[0] * eye.cosine, density[1] * eye.pixel * depths[1]
+
+
+def _is_mirrored(scene, thing, mesh, from_within: bool) -> bool:
+    """Whether `thing`, whose mesh is `mesh`, may be seen in a mirror, or in itself; `from_within`: also from inside."""
+    cycles = scene.cycles
+    if cycles.max_bounces == 0 or max(cycles.glossy_bounces, cycles.transmission_bounces) == 0:
+        return False
+    if any(layer.material_override is not None for layer in scene.view_layers):
+        return True
+    others = {slot.material for other in scene.objects if other != thing for slot in other.material_slots}
+    return any(_mirrors(material) for material in others) or from_within or _sees_itself(mesh)
+
+
+def _mirrors(material) -> bool:
+    """Whether a surface with `material` may show others."""
+    if material is None or material.node_tree is None:
+        return False
+    return any(
+        node.bl_idname not in NO_MIRRORS and any(output.type == "SHADER" for output in node.outputs)
+        for node in material.node_tree.nodes
+    )
+
+
+def _sees_itself(mesh) -> bool:
+    """Whether a point of the mesh stands above one of its faces: it is not convex."""
+    points = vertices(mesh)
+    normals, centres = face_planes(mesh, JUDGED_FACES)
+    heights = (points @ normals.T - np.einsum("fc,fc->f", normals, centres)).max()
+    return bool(heights > LEAST_HOLLOW * np.ptp(points, axis=0).max())
