@@ -185,7 +185,7 @@ def test_an_empty_file_of_that_name_is_no_table(tmp_path):
 
 
 def test_a_table_that_cannot_be_finished_leaves_nothing(tmp_path, monkeypatch):
-    def fail(path, pixels, *, half):
+    def fail(path, pixels, **settings):
         path_written.append(path)
         raise OSError(28, "No space left on device")
 
@@ -200,9 +200,9 @@ def test_readers_never_see_half_a_table(tmp_path, monkeypatch):
     seen = []
     write = float_image.write_image
 
-    def watched(path, pixels, *, half):
+    def watched(path, pixels, **settings):
         seen.extend(file for file in tmp_path.glob("glint_*"))
-        write(path, pixels, half=half)
+        write(path, pixels, **settings)
         seen.extend(file for file in tmp_path.glob("glint_*"))
 
     monkeypatch.setattr(float_image, "write_image", watched)

@@ -24,12 +24,15 @@ because Cycles fetches exactly only at (i + 0.5) / 2^n. Texel t of the list lies
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import TableError
-from .float_image import write_whole
+from .float_image import stored_pairs, write_whole
+from .progress import Steps
+from .slope_counts import group_counts, slope_box
 
 MAGIC = 7927.0  # in no table of another kind
 VERSION = 1  # part of the content address: raise it when the layout changes
@@ -46,11 +49,9 @@ LARGEST_LISTED = 1024  # texels: larger blocks have as many corners
 # shows. Powers of two, whose squares' reciprocals add up exactly.
 SUB_POINTS = {32: 4, 64: 4}
 SUB_POINTS_ABOVE = 2
-OUTERMOST = 0.001  # part of the map's slopes that may lie outside the box, on each side of each axis
-LEAST_RANGE = 1e-4  # of the box along an axis, in slope: far below any lobe's width
-MARGIN = 1e-3  # of the box's range, on each side: the slopes at its rim are many in an 8-bit map, and belong inside
-LARGEST_SLOPE = 1000.0  # 0.06 degrees above the horizon: steeper normals are seen by no one and would stretch the box
 SMALLEST_WIDTH, LARGEST_WIDTH = 16, 8192  # of the file, in texels
+BOX = ("glint:low", "glint:high")  # slope box in the file's header: quantiles of a large map take seconds
+COUNTED = 0.8  # part of the work that is done when the counts are in memory; the rest is writing
 
 
 def groups(size: int, block: int) -> int:
@@ -72,8 +73,14 @@ def corners(block: int, interpolation: str) -> int:
 
 
 def sub_points(block: int, interpolation: str) -> int:
-    """Points along each axis at which an element is sampled, at blocks of side `block`."""
-    return SUB_POINTS.get(block, SUB_POINTS_ABOVE) if interpolation == "LINEAR" else 1
+    """Points along each axis at which a patch is sampled, at blocks of side `block`; 0 for texels."""
+    return SUB_POINTS.get(block, SUB_POINTS_ABOVE) if interpolation == "LINEAR" else 0
+
+
+def block_edges(size: int, block: int) -> np.ndarray:
+    """First texel of each block (two in a group) along a side of `size` texels, and `size` itself."""
+    count = 2 * groups(size, block)
+    return np.arange(count + 1) * size // count
 
 
 def stored_levels(width: int, height: int, interpolation: str, levels: tuple[int, int]) -> tuple[int, ...]:
@@ -101,111 +108,64 @@ def file_size(width: int, height: int, interpolation: str, levels: tuple[int, in
     return file_width, 1 << (rows - 1).bit_length()
 
 
-def slope_box(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Low and high corner, float32 (2,) each, of the box of slopes that are counted.
-
-    normals: (height, width, 3) of `decoded_normals`. It holds all slopes but the OUTERMOST on each side of each axis.
-    """
-    up = normals[normals[..., 2] > 0]
-    with np.errstate(over="ignore"):
-        slopes = up[:, :2] / up[:, 2:]
-    slopes = slopes[(np.abs(slopes) <= LARGEST_SLOPE).all(axis=1)]
-    if not len(slopes):
-        slopes = np.zeros((1, 2), np.float32)
-    rank = int(OUTERMOST * len(slopes))
-    ordered = np.sort(slopes, axis=0)
-    low, high = ordered[rank].astype(np.float64), ordered[-1 - rank].astype(np.float64)
-    margin = np.maximum(MARGIN * (high - low), LEAST_RANGE / 2)
-    return (low - margin).astype(np.float32), (high + margin).astype(np.float32)
-
-
 def counts_texels(normals, interpolation: str, levels: tuple[int, int], box, progress=None) -> np.ndarray:
-    """Padded RGBA float32 pixels of the table, row 0 at the bottom; normals: (height, width, 3).
+    """Padded RGBA float32 pixels of the table, row 0 at the bottom; normals: float32 (height, width, 3).
 
     levels: sides of the first and the last level's blocks; box: `slope_box`; progress: called with the part that is
-    done, 0..1; what it raises ends the work. Raises TableError for levels that the map has not.
+    done, 0..1, often; what it raises ends the work. Raises TableError for levels that the map has not.
     """
     height, width = normals.shape[:2]
     blocks = stored_levels(width, height, interpolation, levels)
     file_width, rows = file_size(width, height, interpolation, levels)
     texels = np.zeros((file_width * rows, 4), np.float32)
     texels[0, :3] = MAGIC, blocks[0], len(blocks)
+    points = [sub_points(block, interpolation) for block in blocks]
+    steps = Steps(progress, width * height * sum(max(k * k, 1) for k in points))
     start = 1
-    for number, block in enumerate(blocks):
+    for block, k in zip(blocks, points, strict=True):
         side = corners(block, interpolation)
-        table = level_counts(normals, interpolation, block, box)
-        texels[start : start + table.size // 4] = table.reshape(-1, 4)
-        start += groups(width, block) * groups(height, block) * side * side
-        if progress is not None:
-            progress((number + 1) / len(blocks))
+        edges_u, edges_v = block_edges(width, block), block_edges(height, block)
+        for v in range(0, len(edges_v) - 1, 2):
+            for u in range(0, len(edges_u) - 1, 2):
+                group = group_counts(normals, edges_u[u : u + 3], edges_v[v : v + 3], side, k, box, steps.add)
+                texels[start : start + side * side] = group.reshape(-1, 4)
+                start += side * side
     return texels.reshape(rows, file_width, 4)
-
-
-def level_counts(normals, interpolation, block, box) -> np.ndarray:
-    """Counts of one level: float32 (groups along v, groups along u, corners, corners, 4), as [.., .., j, i, block]."""
-    height, width = normals.shape[:2]
-    along_u, along_v = groups(width, block), groups(height, block)
-    bins = corners(block, interpolation) - 1
-    child_u, child_v = children(width, along_u), children(height, along_v)
-    place = child_v[:, None] // 2 * along_u + child_u // 2  # group of each texel
-    child = child_v[:, None] % 2 * 2 + child_u % 2
-    k = sub_points(block, interpolation)
-    histogram = np.zeros(along_u * along_v * bins * bins * 4)
-    for slopes, up in sampled_slopes(normals, k, interpolation):
-        bin_uv = np.floor((slopes - box[0]) / (box[1] - box[0]) * bins)
-        inside = up & ((bin_uv >= 0) & (bin_uv < bins)).all(axis=-1)
-        u, v = np.moveaxis(bin_uv[inside].astype(np.intp), -1, 0)
-        index = ((place[inside] * bins + v) * bins + u) * 4 + child[inside]
-        histogram += np.bincount(index, minlength=histogram.size)
-    histogram = histogram.reshape(along_v, along_u, bins, bins, 4) / k**2
-    table = np.zeros((along_v, along_u, bins + 1, bins + 1, 4), np.float32)
-    table[:, :, 1:, 1:] = histogram.cumsum(axis=2).cumsum(axis=3)
-    return table
-
-
-def children(size: int, count: int) -> np.ndarray:
-    """Number of the block (two in a group) that holds each of `size` texels along a side cut in `count` groups."""
-    edges = np.arange(2 * count + 1) * size // (2 * count)
-    return np.repeat(np.arange(2 * count), np.diff(edges))
-
-
-def sampled_slopes(normals, k, interpolation):
-    """Yield slopes (height, width, 2) of each element at each of its k x k points, and where they exist (n.z > 0)."""
-    if interpolation == "CLOSEST":
-        yield _slopes(normals)
-        return
-    right = np.roll(normals, -1, axis=1)
-    upper, across = np.roll(normals, -1, axis=0), np.roll(right, -1, axis=0)
-    for b in (np.arange(k, dtype=np.float32) + 0.5) / k:
-        for a in (np.arange(k, dtype=np.float32) + 0.5) / k:
-            low = normals + a * (right - normals)
-            yield _slopes(low + b * (upper + a * (across - upper) - low))
-
-
-def _slopes(normals):
-    up = normals[..., 2] > 0
-    with np.errstate(over="ignore"):
-        return normals[..., :2] / np.where(up, normals[..., 2], 1)[..., None], up
 
 
 def counts_name(normals: np.ndarray, interpolation: str, levels: tuple[int, int]) -> str:
     """File name by content and levels: the same normals give the same name on every machine."""
-    digest = hashlib.blake2b(f"glint counts {VERSION} {interpolation} {normals.shape}".encode())
+    digest = hashlib.sha256(f"glint counts {VERSION} {interpolation} {normals.shape}".encode())
     digest.update(np.ascontiguousarray(normals, dtype=np.float32).data)
     return f"glint_{digest.hexdigest()[:24]}_{levels[0]}_{levels[1]}{SUFFIX}"
 
 
-def bake_counts(normals: np.ndarray, folder: Path, *, interpolation: str, levels: tuple[int, int], progress=None):
+def bake_counts(
+    normals: np.ndarray,
+    folder: Path,
+    *,
+    interpolation: str,
+    levels: tuple[int, int],
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Path, bool, np.ndarray, np.ndarray]:
     """Write the counts of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless they are there.
 
     levels and progress as for `counts_texels`. Returns the path, whether it was written now, and the slope box, low and
-    high. The file appears whole or not at all. Raises TableError for levels that the map has not, or if the folder
-    cannot be written to.
+    high. The file appears whole or not at all; its header keeps the box. Raises TableError for levels that the map has
+    not, or if the folder cannot be written to.
     """
     stored_levels(normals.shape[1], normals.shape[0], interpolation, levels)
     path = Path(folder) / counts_name(normals, interpolation, levels)
-    low, high = slope_box(normals)
-    if path.is_file() and path.stat().st_size > 0:
-        return path, False, low, high
-    write_whole(path, counts_texels(normals, interpolation, levels, (low, high), progress))
-    return path, True, low, high
+    box = stored_pairs(path, BOX)
+    if box is not None:
+        return path, False, *box
+    box = slope_box(normals)
+
+    def counted(part):
+        if progress is not None:
+            progress(COUNTED * part)
+
+    texels = counts_texels(normals, interpolation, levels, box, counted)
+    steps = Steps(progress, len(texels), start=COUNTED)
+    write_whole(path, texels, pairs=dict(zip(BOX, box, strict=True)), steps=steps)
+    return path, True, *box

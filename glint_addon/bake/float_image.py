@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from uuid import uuid4
 
 import numpy as np
 
 from ..errors import TableError
+from .progress import Steps
+
+ROWS = 32  # written at a time: no copy of a whole picture, and two blocks of compressed rows for two threads
 
 
-def write_whole(path: Path, pixels: np.ndarray, *, half: bool = False):
+@dataclass(frozen=True)
+class PixelRows:
+    """Pixels made as they are written: shape (height, width, 4); rows(low, high) gives rows low..high - 1."""
+
+    shape: tuple[int, int, int]
+    rows: Callable[[int, int], np.ndarray]
+
+    def __getitem__(self, part: slice) -> np.ndarray:
+        return self.rows(part.start, part.stop)
+
+
+def write_whole(path: Path, pixels, *, half: bool = False, pairs=None, steps: Steps | None = None):
     """Write RGBA `pixels` (height, width, 4), row 0 at the bottom, to `path`: beside it first, then renamed.
 
-    half: 16-bit floats, compressed; else 32-bit and not compressed, because loading must not cost more than reading.
+    pixels: float32 array or PixelRows. half: 16-bit floats, compressed; else 32-bit and not compressed, because loading
+    must not cost more than reading. pairs: {name: two floats} for the header, see `stored_pairs`. steps: told of each
+    row written; what its listener raises leaves no file.
     Raises TableError if the folder or the disk does not take it.
     """
     try:
@@ -26,7 +44,7 @@ def write_whole(path: Path, pixels: np.ndarray, *, half: bool = False):
             "save the .blend file in a folder you may write to."
         ) from error
     try:
-        write_image(str(temporary), pixels, half=half)
+        write_image(str(temporary), pixels, half=half, pairs=pairs, steps=steps)
         temporary.replace(path)
     except OSError as error:
         raise TableError(f"Glint table {path} cannot be written ({error.strerror}): free some disk space.") from error
@@ -34,17 +52,49 @@ def write_whole(path: Path, pixels: np.ndarray, *, half: bool = False):
         temporary.unlink(missing_ok=True)
 
 
-def write_image(path: str, pixels: np.ndarray, *, half: bool = False):
+def write_image(path: str, pixels, *, half: bool = False, pairs=None, steps: Steps | None = None):
     """Write `pixels` as `write_whole` does, in place; TableError with OpenImageIO's words if that fails."""
     from .openimageio import oiio
 
     height, width = pixels.shape[:2]
     spec = oiio.ImageSpec(width, height, 4, oiio.HALF if half else oiio.FLOAT)
     spec.attribute("compression", "zip" if half else "none")
+    for name, pair in (pairs or {}).items():
+        spec.attribute(name, oiio.TypeDesc(oiio.FLOAT, oiio.VEC2), tuple(map(float, pair)))
     output = oiio.ImageOutput.create(path)
-    written = output is not None and output.open(path, spec) and output.write_image(pixels[::-1])
-    if output is not None:
-        written = output.close() and written
+    written = output is not None and output.open(path, spec)
+    try:
+        # From the top, as the file wants them.
+        for high in range(height, 0, -ROWS):
+            low = max(high - ROWS, 0)
+            written = written and output.write_scanlines(height - high, height - low, 0, pixels[low:high][::-1])
+            if not written:
+                break
+            if steps is not None:
+                steps.add(high - low)
+    finally:
+        if output is not None:
+            written = output.close() and written
     if not written:
         reason = output.geterror() if output is not None else oiio.geterror()
         raise TableError(f"Glint table {path} cannot be written ({reason}): free some disk space.")
+
+
+def stored_pairs(path: Path, names) -> list[np.ndarray] | None:
+    """The pairs of floats, float32 (2,), under these names in an image's header; None if the file has not all of them.
+
+    None too if there is no such file, or it is no image.
+    """
+    from .openimageio import oiio
+
+    if not path.is_file() or path.stat().st_size == 0:
+        return None
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        oiio.geterror()  # else it is reported as another file's
+        return None
+    try:
+        pairs = [source.spec().getattribute(name) for name in names]
+    finally:
+        source.close()
+    return None if None in pairs else [np.array(pair, np.float32) for pair in pairs]
