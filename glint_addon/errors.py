@@ -19,3 +19,7 @@ class TableError(GlintError):
 
 class ShaderError(GlintError):
     """Blender cannot compile or run the OSL shaders."""
+
+
+class CancelledError(GlintError):
+    """Whoever asked for the work has stopped it; nothing has changed."""

@@ -18,7 +18,7 @@ from .motion import copies_others, has_fixed_box
 FOOTPRINT_SCALE = 1.1
 FOOTPRINT_EXPONENT = 0.21
 # Largest side of a block relative to the footprint's short semi-axis, for the shader to count blocks: osl/counts.h.
-FAR_SIDE = 0.34
+FAR_SIDE = 1.0
 # Long footprints take larger blocks, not more of them: blocks this much larger are baked too. They are few.
 LONG_FOOTPRINTS = 4.0
 # On both sides: for another number of samples (16 instead of 256: 1.8) or a camera moved a little after preparing.

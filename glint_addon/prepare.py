@@ -2,40 +2,52 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 
 from . import paths
-from .bake.normal_map import decoded_normals, slope_bounds
-from .bake.table import bake_table
-from .images import image_pixels, image_stamp
+from .jobs import Job, finished
 from .lights.animation import is_animated
 from .lights.drivers import connect_hints
 from .lights.hints import rendered_objects, scene_hints
+from .map_tables import bake_plan, is_missing, map_plans, named_levels, remember
 from .material import glint_groups
 from .nodes import glint_bsdf, glint_lights, image_texture
 from .nodes.script_node import osl_available
+from .table_budget import DEFAULT_BUDGET, fit_budget
 from .visibility import unseen_objects
 
 COUNTS = ("tables_baked", "tables_in_use", "bytes_baked", "bytes_in_use", "images_read")
 
 
-def prepare_scene(scene, progress=None, *, bake_unseen=None) -> dict:
+def prepare_scene(scene, progress=None, *, bake_unseen=None, table_budget=None) -> dict:
     """Prepare every glint material of `scene` for rendering; safe to call again, then nothing is baked twice.
 
-    progress(fraction 0..1, text) is called while tables are baked. bake_unseen: whether to bake for materials that no
-    camera sees as well, by default the scene's own setting. Returns what was done and skipped: "hints" (names of the
-    lights whose glints are enumerated), "skipped_lights" ([name, reason]), "baked" and "reused" (table paths), "unseen"
-    (names of the materials left without a table, because no camera sees them), "mip_levels" (names of the images of
-    Glint Image Textures whose levels were baked), "osl" (whether Cycles can run the lobe), "device", "warnings"
-    (sentences), "counts" ("tables_baked", "tables_in_use", "bytes_baked", "bytes_in_use", "images_read").
+    progress(fraction 0..1, text) is called often while tables are baked; what it raises, `CancelledError` for one, ends
+    the work and leaves scene and disk as they were. bake_unseen: whether to bake for materials that no camera sees as
+    well; table_budget: memory in MiB, fractions too, that all tables together may take; both by default the scene's
+    own setting. Returns what was done and skipped: "hints" (names of the lights whose glints are enumerated),
+    "skipped_lights" ([name, reason]), "baked" and "reused" (table paths), "unseen" (names of the materials left without
+    a table, because no camera sees them), "levels" ({map: [first, last] or None}: block sides in texels of the counts,
+    those that the cameras' footprints reach), "mip_levels" (names of the images of Glint Image Textures whose levels
+    were baked), "osl" (whether Cycles can run the lobe), "device", "warnings" (sentences), "counts" ("tables_baked",
+    "tables_in_use", "bytes_baked", "bytes_in_use", "images_read").
     Raises MapError or TableError; the scene is unchanged then.
     """
     progress = progress or (lambda fraction, text: None)
+    return finished(preparation(scene, bake_unseen=bake_unseen, table_budget=table_budget), progress)
+
+
+def preparation(scene, *, bake_unseen=None, table_budget=None):
+    """`prepare_scene` in steps: a generator of `Job`s, to be sent what each returns; it returns the report.
+
+    Closing it early, or an exception, leaves scene and disk as they were.
+    """
     groups = scene_glint_groups(scene)
-    report = {"hints": [], "skipped_lights": [], "baked": [], "reused": [], "unseen": [], "mip_levels": [],
-              "osl": osl_available(), "device": _device(scene), "warnings": _warnings(scene, groups),
+    report = {"hints": [], "skipped_lights": [], "baked": [], "reused": [], "unseen": [], "levels": {},
+              "mip_levels": [], "osl": osl_available(), "device": _device(scene), "warnings": _warnings(scene, groups),
               "counts": dict.fromkeys(COUNTS, 0)}
     # What is linked from another file cannot be changed here; a warning says so.
     groups = [group for group in groups if group.library is None]
@@ -43,25 +55,33 @@ def prepare_scene(scene, progress=None, *, bake_unseen=None) -> dict:
         return report
 
     # Leave out what nobody sees; a table that is there already stays in use and up to date.
-    unseen = {} if _bakes_unseen(scene, bake_unseen) else _unseen_groups(scene)
+    uses = {group: pairs for group, pairs in _uses(scene).items() if group in groups}
+    with_unseen = _setting(scene, "bake_unseen", bake_unseen, False)
+    unseen = set() if with_unseen else _unseen_groups(scene, uses)
     left_out = [group for group in groups if group in unseen and not group["glint_table"]]
-    report["unseen"] = sorted({name for group in left_out for name in unseen[group]})
-    prepared = [group for group in groups if group not in left_out]
+    report["unseen"] = sorted({material.name for group in left_out for _, material in uses[group]})
 
     # Bake first: all that can fail happens before the scene is touched.
-    tables = []
+    plans, tables = [], []
     if report["osl"]:
         folder = paths.table_folder(bpy.data.filepath)
-        report["mip_levels"] = image_texture.bake_missing(folder)
-        for index, group in enumerate(prepared):
-            progress(index / len(prepared), f'Baking "{group["glint_image"].name}"')
-            tables.append(_table(group, folder, report))
+        with _baked_whole_or_not_at_all(folder, report["baked"]):
+            plans = map_plans(scene, {group: uses[group] for group in groups if group not in left_out}, folder,
+                              mirrored=with_unseen, keep_levels=len(bpy.data.scenes) > 1)
+            report["warnings"] += fit_budget(plans, _setting(scene, "table_budget", table_budget, DEFAULT_BUDGET))
+            for index, plan in enumerate(plans):
+                values = yield from bake_plan(plan, folder, report, index / len(plans), (index + 1) / len(plans))
+                tables.append(values)
+            report["mip_levels"] = image_texture.bake_missing(folder)
+            yield Job("Glints are ready", 1.0, 1.0, lambda progress: None)
+        report["levels"] = named_levels(plans)
         _count_tables(report)
 
-    for group, (stamp, table) in zip(prepared, tables, strict=False):
-        glint_bsdf.refresh(group)
-        glint_bsdf.set_table(group, *table)
-        _remember(group, stamp, *table)
+    for plan, values in zip(plans, tables, strict=True):
+        for group in plan.groups:
+            glint_bsdf.refresh(group)
+            glint_bsdf.set_table(group, *values)
+            remember(group, plan.stamp, *values)
     if groups:
         hints, skipped = scene_hints(scene)
         connect_hints(glint_lights.build(), scene, hints)
@@ -69,7 +89,6 @@ def prepare_scene(scene, progress=None, *, bake_unseen=None) -> dict:
         report["skipped_lights"] = [list(pair) for pair in skipped]
     if report["osl"] and hasattr(scene, "cycles") and not scene.cycles.shading_system:
         scene.cycles.shading_system = True
-    progress(1.0, "Glints are ready")
     return report
 
 
@@ -80,7 +99,7 @@ def scene_glint_groups(scene) -> list[bpy.types.ShaderNodeTree]:
 
 
 def _uses(scene) -> dict:
-    """Objects and material names {group: [(object, name), ...]} of each Glint BSDF group that `scene` renders."""
+    """Objects and materials {group: [(object, material), ...]} of each Glint BSDF group that `scene` renders."""
     uses = {}
     layers = [layer for layer in scene.view_layers if layer.use]
     for layer in layers:
@@ -90,7 +109,7 @@ def _uses(scene) -> dict:
     for obj in _rendered_objects(rendered_objects(layers), set()):
         for material in [slot.material for slot in obj.material_slots] + overrides:
             for group in glint_groups(material):
-                uses.setdefault(group, []).append((obj, material.name))
+                uses.setdefault(group, []).append((obj, material))
     return uses
 
 
@@ -106,42 +125,29 @@ def _rendered_objects(objects, seen: set):
             yield from _rendered_objects(shown.all_objects, seen)
 
 
-def _bakes_unseen(scene, wanted) -> bool:
+def _setting(scene, name: str, wanted, otherwise):
     """The choice of the caller, else of the scene, which has one while the extension is registered."""
-    return getattr(getattr(scene, "glint", None), "bake_unseen", False) if wanted is None else wanted
+    return getattr(getattr(scene, "glint", None), name, otherwise) if wanted is None else wanted
 
 
-def _unseen_groups(scene) -> dict:
-    """Material names {group: [name, ...]} of the groups that only objects outside every camera's view use."""
-    uses = _uses(scene)
+def _unseen_groups(scene, uses) -> set:
+    """The groups that only objects outside every camera's view use."""
     unseen = unseen_objects(scene, {thing for pairs in uses.values() for thing, _ in pairs})
-    return {
-        group: [name for _, name in pairs]
-        for group, pairs in uses.items()
-        if all(thing in unseen for thing, _ in pairs)
-    }
+    return {group for group, pairs in uses.items() if all(thing in unseen for thing, _ in pairs)}
 
 
-def _table(group, folder: Path, report: dict):
-    """Bake or find the table of a group; returns the image's stamp and the arguments of `glint_bsdf.set_table`."""
-    image = group["glint_image"]
-    stamp = image_stamp(image)
-    path = Path(group["glint_table"]) if group["glint_table"] else None
-    same_file = stamp != "" and stamp == group.get("glint_source", "")
-    # Same file as last time: do not even read its pixels. Missing file: a warning says so, its table is still here.
-    if path is not None and path.is_file() and (same_file and path.parent == folder or _is_missing(image)):
-        report["reused"].append(str(path))
-        known = (str(path), group["glint_size"], group["glint_slope_low"], group["glint_slope_high"])
-        return group["glint_source"], known
-    if stamp and not same_file:
-        image.reload()  # Blender may still hold the pixels of an older file
-    binding = glint_bsdf.group_binding(group)
-    report["counts"]["images_read"] += 1
-    normals = decoded_normals(image_pixels(image), convention=binding.convention, name=image.name)
-    path, written = bake_table(normals, folder, interpolation=binding.interpolation)
-    report["baked" if written else "reused"].append(str(path))
-    size = [normals.shape[1], normals.shape[0]]
-    return stamp, (str(path), size, *([float(value) for value in bound] for bound in slope_bounds(normals)))
+@contextmanager
+def _baked_whole_or_not_at_all(folder: Path, baked: list[str]):
+    """Within this block tables are written to `folder`; those in `baked` are taken back if anything ends it early."""
+    is_new = not folder.exists()
+    try:
+        yield
+    except BaseException:  # a cancelled bake and a closed generator too; all are raised again
+        for path in baked:
+            Path(path).unlink(missing_ok=True)
+        if is_new and folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+        raise
 
 
 def _count_tables(report):
@@ -152,19 +158,6 @@ def _count_tables(report):
         "bytes_baked": sum(path.stat().st_size for path in baked),
         "bytes_in_use": sum(path.stat().st_size for path in used),
     }
-
-
-def _remember(group, stamp, path, size, slope_low, slope_high):
-    """What the next call needs to find the table again without reading the image."""
-    group["glint_source"] = stamp
-    group["glint_size"] = size
-    group["glint_slope_low"] = slope_low
-    group["glint_slope_high"] = slope_high
-
-
-def _is_missing(image) -> bool:
-    """Whether neither the file nor the pixels of `image` are to be had."""
-    return image.source == "FILE" and image_stamp(image) == "" and 0 in image.size[:]
 
 
 def _device(scene) -> str:
@@ -190,6 +183,6 @@ def _warnings(scene, groups) -> list[str]:
                 f'"{group.name}" is linked from {group.library.filepath} and keeps the noise of Blender\'s own nodes: '
                 "make it local with Object > Relations > Make Local > All."
             )
-        elif _is_missing(image):
+        elif is_missing(image):
             warnings.append(f'The normal map "{image.name}" is missing: find it with File > External Data.')
     return warnings

@@ -10,7 +10,7 @@ ADDON = ROOT / "glint_addon"
 
 # What each part of the package may import of the others, besides itself; "" is glint_addon/__init__.py.
 BASE = {"paths", "errors"}
-CORE = BASE | {"images", "bake", "nodes", "lights", "material", "visibility", "footprints", "prepare"}
+CORE = BASE | {"images", "bake", "nodes", "lights", "material", "visibility", "jobs", "table_budget", "prepare"}
 ALLOWED = {
     "paths": set(),
     "errors": set(),
@@ -22,9 +22,12 @@ ALLOWED = {
     "coordinates": set(),
     "eyes": {"lights", "motion", "visibility"},
     "footprints": {"bake", "coordinates", "eyes", "motion"},
+    "jobs": BASE,
+    "map_tables": {"bake", "footprints", "images", "jobs", "nodes"},
+    "table_budget": set(),
     "lights": BASE | {"bake", "images", "motion", "nodes"},
     "material": BASE | {"bake", "images", "nodes", "lights"},
-    "prepare": BASE | {"bake", "images", "nodes", "lights", "material", "visibility", "footprints"},
+    "prepare": BASE | {"jobs", "nodes", "lights", "map_tables", "material", "table_budget", "visibility"},
     "operators": CORE,
     "ui": CORE | {"operators"},
     "blend_file": BASE,

@@ -70,6 +70,7 @@ def test_a_table_that_two_groups_read_counts_once(scene, folder, tmp_path):
 def test_a_second_scene_with_the_same_material_bakes_nothing(scene, folder):
     first = prepare_scene(scene)["counts"]
     other = bpy.data.scenes.new("Other")
+    other.camera = scene.camera
     other.collection.objects.link(bpy.data.objects["Mesh"])
     assert prepare_scene(other)["counts"] == {**first, **IDLE}
 

@@ -225,7 +225,7 @@ def test_what_no_camera_sees_is_neither_read_nor_baked_and_named_in_the_report(s
 
 def test_on_demand_what_no_camera_sees_is_baked_too(scene, glints):
     report = prepare_scene(scene, bake_unseen=True)
-    assert len(report["baked"]) == 1 and report["unseen"] == []
+    assert report["baked"] and report["unseen"] == []
 
 
 def test_the_scenes_setting_decides_where_the_caller_does_not(scene, glints):
@@ -233,7 +233,7 @@ def test_the_scenes_setting_decides_where_the_caller_does_not(scene, glints):
     try:
         scene.glint.bake_unseen = True
         assert prepare_scene(scene, bake_unseen=False)["unseen"] == ["Sparkle"]
-        assert len(prepare_scene(scene)["baked"]) == 1
+        assert prepare_scene(scene)["baked"]
     finally:
         glint_addon.unregister()
 
@@ -250,7 +250,7 @@ def test_a_table_that_is_there_stays_in_use_when_the_object_leaves_the_view(scen
 def test_a_material_is_baked_if_one_of_its_objects_is_seen(scene, glints):
     cycles.add_plane(scene, material=glints.material_slots[0].material)
     report = prepare_scene(scene)
-    assert len(report["baked"]) == 1 and report["unseen"] == []
+    assert report["baked"] and report["unseen"] == []
 
 
 def test_a_material_in_a_hidden_or_excluded_collection_is_not_baked(scene, glints):
@@ -273,4 +273,4 @@ def test_an_object_that_animation_shows_later_is_baked(scene, glints):
     glints.hide_render = True
     assert not prepare_scene(scene)["baked"]
     glints.keyframe_insert("hide_render", frame=1)
-    assert len(prepare_scene(scene)["baked"]) == 1
+    assert prepare_scene(scene)["baked"]

@@ -16,7 +16,7 @@ from .builder import STAMP, add_input, add_node, add_output, arrange, local_grou
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
-VERSION = 2
+VERSION = 3
 SCRIPT_NODE = "Glint"
 LIGHTS_NODE = "Lights"
 DISTRIBUTIONS = ("BECKMANN", "GGX")
@@ -104,8 +104,12 @@ def refresh(group):
     group["glint_table"] = ""
 
 
-def set_table(group, path: str, size, slope_low, slope_high):
-    """Let the group's OSL node read the table at `path`; size: (width, height) in texels of the map, slopes (2,)."""
+def set_table(group, path: str, size, slope_low, slope_high, counts=None):
+    """Let the group's OSL node read the table at `path`, "" for none.
+
+    size: (width, height) in texels of the map; slopes: (2,); counts: (path, (first, last) block sides, low and high
+    corner (2,) of the bins), or None.
+    """
     group["glint_table"] = path
     script = group.nodes.get(SCRIPT_NODE)
     if script is None:
@@ -117,9 +121,20 @@ def set_table(group, path: str, size, slope_low, slope_high):
         "Height": float(size[1]),
         "SlopeLow": (*slope_low, 0.0) if bounded else (0.0, 0.0, 0.0),
         "SlopeHigh": (*slope_high, 0.0) if bounded else (0.0, 0.0, 0.0),
-    }
+    } | _counts_values(*(counts or ("", (0, 0), (0.0, 0.0), (0.0, 0.0))))
     for name, value in values.items():
         script.inputs[name].default_value = value
+
+
+def _counts_values(path, levels, low, high) -> dict:
+    first, last = levels
+    return {
+        "CountsTable": path,
+        "CountsFirst": first,
+        "CountsLevels": (last // first).bit_length() if path else 0,
+        "BinLow": (*low, 0.0),
+        "BinHigh": (*high, 0.0),
+    }
 
 
 def _store_binding(group, binding):

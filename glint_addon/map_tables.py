@@ -1,0 +1,190 @@
+"""The tables of the normal maps that a scene shows: what each map needs, what is stored already, and the bake."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from .bake.counts import bake_counts, file_size
+from .bake.normal_map import decoded_normals, slope_bounds
+from .bake.table import bake_table, padded_size
+from .footprints import counts_levels_reached, footprint_range
+from .images import image_pixels, image_stamp
+from .jobs import Job
+from .nodes import glint_bsdf
+from .nodes.builder import STAMP
+
+TEXEL_BYTES = 16  # four 32-bit floats, in memory and in the file
+# Part of a map's work that its table of normals takes; the rest are the counts.
+TABLE_SHARE = 0.2
+# What a group remembers, each with "glint_" before it, in the order of `glint_bsdf.set_table`.
+REMEMBERED = ("table", "size", "slope_low", "slope_high")
+COUNTS_REMEMBERED = ("counts", "counts_levels", "bin_low", "bin_high")
+
+
+@dataclass
+class MapPlan:
+    """A map and one way to read it, for all groups that do. size: (width, height) in texels; levels: block sides
+    (first, last) of the counts it needs, or None; has_table: whether it gets tables at all; known: a group that
+    remembers the tables of the map as it is now, or None."""
+
+    groups: list
+    size: tuple[int, int]
+    stamp: str
+    known: object | None
+    levels: tuple[int, int] | None = None
+    has_table: bool = True
+
+    @property
+    def image(self):
+        """The map."""
+        return self.groups[0]["glint_image"]
+
+    @property
+    def interpolation(self) -> str:
+        """'CLOSEST' or 'LINEAR'."""
+        return self.groups[0]["glint_interpolation"]
+
+    @property
+    def table_bytes(self) -> int:
+        """Memory of the table of normals."""
+        layers = 2 if self.interpolation == "LINEAR" else 1
+        return layers * padded_size(self.size[0]) * padded_size(self.size[1]) * TEXEL_BYTES
+
+    @property
+    def counts_bytes(self) -> int:
+        """Memory of the counts of the plan's levels."""
+        if self.levels is None:
+            return 0
+        columns, rows = file_size(*self.size, self.interpolation, self.levels)
+        return columns * rows * TEXEL_BYTES
+
+
+def map_plans(scene, uses, folder: Path, *, mirrored: bool, keep_levels: bool) -> list[MapPlan]:
+    """One plan for each map and way to read it. uses: {group: [(object, material), ...]} of the groups to prepare.
+
+    folder: where tables are kept; mirrored: see `footprint_range`; keep_levels: add those that are in use already, for
+    other scenes. Reloads images whose file has changed. Raises MapError for an image without pixels.
+    """
+    sharing = {}
+    for group in uses:
+        key = group["glint_image"], group["glint_interpolation"], group["glint_convention"]
+        sharing.setdefault(key, []).append(group)
+    plans = [_plan(groups, folder) for groups in sharing.values()]
+    for plan in plans:
+        ranges = [footprint_range(scene, group, uses[group], plan.size, mirrored=mirrored) for group in plan.groups]
+        footprints = min(low for low, _ in ranges), max(high for _, high in ranges)
+        plan.levels = counts_levels_reached(footprints, *plan.size, plan.interpolation)
+        plan.levels = _with_stored(plan.levels, _stored_counts(plan.known, folder), keep_levels)
+    return plans
+
+
+def _with_stored(levels, counts, keep_levels):
+    """The levels to use where `levels` are needed and `counts` are stored: a wider file that is there is as good."""
+    if counts is None or levels is None and not keep_levels:
+        return levels
+    first, last = counts[1]
+    if levels is None:
+        return first, last
+    both = min(levels[0], first), max(levels[1], last)
+    return both if keep_levels or both == (first, last) else levels
+
+
+def bake_plan(plan: MapPlan, folder: Path, report: dict, start: float, end: float):
+    """Bake what is missing of a map: a generator of jobs, to be sent what each returns; it returns the tables' values.
+
+    The values are the arguments of `glint_bsdf.set_table` after the group. start, end: part of the whole work, 0..1.
+    Adds to "baked" and "reused" of `report`, once for each group, and to its count of images read. Raises MapError.
+    """
+    if not plan.has_table:
+        return "", list(plan.size), [0.0, 0.0], [0.0, 0.0], None
+    counts = _stored_counts(plan.known, folder) if plan.levels is not None else None
+    if counts is not None and counts[1] != list(plan.levels):
+        counts = None
+    # Nothing to bake: do not even read the pixels. Missing file: a warning says so, its table is still here.
+    if plan.known is not None and (counts is not None or plan.levels is None or is_missing(plan.image)):
+        path, *others = (plan.known[f"glint_{name}"] for name in REMEMBERED)
+        values = path, *map(list, others), counts
+        report["reused"] += _paths(values) * len(plan.groups)
+        return values
+
+    report["counts"]["images_read"] += 1
+    name = plan.image.name
+    normals = decoded_normals(image_pixels(plan.image), convention=plan.groups[0]["glint_convention"], name=name)
+    middle = start + (end - start) * (TABLE_SHARE if plan.levels is not None else 1.0)
+    job = partial(bake_table, normals, folder, interpolation=plan.interpolation)
+    path, written = yield Job(f'Baking "{name}"', start, middle, job)
+    report["baked"] += [str(path)] * written
+    if plan.levels is not None:
+        job = partial(bake_counts, normals, folder, interpolation=plan.interpolation, levels=plan.levels)
+        counts_path, counts_written, low, high = yield Job(f'Counting "{name}"', middle, end, job)
+        report["baked"] += [str(counts_path)] * counts_written
+        report["reused"] += [str(counts_path)] * (len(plan.groups) - counts_written)
+        counts = str(counts_path), list(plan.levels), _floats(low), _floats(high)
+    report["reused"] += [str(path)] * (len(plan.groups) - written)
+    low, high = slope_bounds(normals)
+    return str(path), [normals.shape[1], normals.shape[0]], _floats(low), _floats(high), counts
+
+
+def named_levels(plans) -> dict[str, list[int] | None]:
+    """Block sides [first, last] of the counts of each map, by its image's name; by how it is read too, if need be."""
+    names = [plan.image.name for plan in plans]
+    return {
+        plan.image.name if names.count(plan.image.name) == 1 else plan.groups[0].name:
+        list(plan.levels) if plan.levels else None
+        for plan in plans
+    }
+
+
+def remember(group, stamp: str, path: str, size, slope_low, slope_high, counts):
+    """Store on a group what the next call needs to find its tables again without reading the image."""
+    group["glint_source"] = stamp if path else ""
+    group["glint_size"] = size
+    group["glint_slope_low"] = slope_low
+    group["glint_slope_high"] = slope_high
+    for name, value in zip(COUNTS_REMEMBERED, counts or ("", [0, 0], [0.0, 0.0], [0.0, 0.0]), strict=True):
+        group[f"glint_{name}"] = value
+
+
+def is_missing(image) -> bool:
+    """Whether neither the file nor the pixels of `image` are to be had."""
+    return image.source == "FILE" and image_stamp(image) == "" and 0 in image.size[:]
+
+
+def _plan(groups, folder) -> MapPlan:
+    image = groups[0]["glint_image"]
+    stamp = image_stamp(image)
+    known = next((group for group in groups if _is_known(group, stamp, folder)), None)
+    if known is None and stamp and not any(stamp == group.get("glint_source", "") for group in groups):
+        image.reload()  # Blender may still hold the pixels of an older file
+    if known is None and 0 in image.size[:]:
+        image_pixels(image)  # raises the sentence
+    return MapPlan(groups, tuple(known["glint_size"] if known else image.size), stamp, known)
+
+
+def _is_known(group, stamp, folder) -> bool:
+    """Whether the group's table of normals is there and is that of the image as it is now."""
+    path = Path(group["glint_table"]) if group["glint_table"] else None
+    same_file = stamp != "" and stamp == group.get("glint_source", "")
+    is_current = path is not None and path.is_file() and group[STAMP] == glint_bsdf.VERSION
+    return is_current and (same_file and path.parent == folder or is_missing(group["glint_image"]))
+
+
+def _stored_counts(group, folder):
+    """Path, levels, low and high bins of the counts that a group remembers, or None if they are not there."""
+    if group is None or not group.get("glint_counts"):
+        return None
+    path = Path(group["glint_counts"])
+    if not path.is_file() or path.parent != folder and not is_missing(group["glint_image"]):
+        return None
+    return str(path), *(list(group[f"glint_{name}"]) for name in COUNTS_REMEMBERED[1:])
+
+
+def _paths(values) -> list[str]:
+    path, *_, counts = values
+    return [path, counts[0]] if counts else [path]
+
+
+def _floats(bound) -> list[float]:
+    return [float(value) for value in bound]

@@ -1,0 +1,50 @@
+"""Tables that fit the memory: where they do not, coarser counts first, then no table for the largest maps."""
+
+from __future__ import annotations
+
+MIB = 2**20
+DEFAULT_BUDGET = 2048  # MiB: three Linear maps of 4096^2 with all counts
+
+
+def fit_budget(plans, budget: float) -> list[str]:
+    """Change the `MapPlan`s so that all tables together take at most `budget` MiB of memory; sentences that say so.
+
+    A map without table renders through Blender's own nodes, right and noisy; without its finest counts it renders right
+    too, and with more noise where its texels are small.
+    """
+    # Find out what even the tables of normals cannot do without.
+    warnings = []
+    needed = sum(plan.table_bytes + plan.counts_bytes for plan in plans)
+    left_out = []
+    kept = sorted(plans, key=lambda plan: (plan.table_bytes, plan.image.name_full))
+    while kept and sum(plan.table_bytes for plan in kept) > budget * MIB:
+        plan = kept.pop()
+        plan.has_table, plan.levels = False, None
+        left_out.append(plan)
+
+    # Drop the finest blocks of the map whose counts are largest, until the rest fits.
+    coarser = []
+    while sum(plan.table_bytes + plan.counts_bytes for plan in kept) > budget * MIB:
+        plan = max(kept, key=lambda plan: plan.counts_bytes)
+        first, last = plan.levels
+        plan.levels = (2 * first, last) if first < last else None
+        coarser.append(plan)
+
+    reason = f"glint tables take {megabytes(needed)} of memory and the budget is {megabytes(budget * MIB)}"
+    cure = "raise Table Budget or use smaller maps"
+    if left_out:
+        warnings.append(f"{_names(left_out)} left to Blender's own nodes, which are noisy ({reason}): {cure}.")
+    if coarser:
+        warnings.append(f"{_names(coarser)} noisier in far views, without the finest counts ({reason}): {cure}.")
+    return warnings
+
+
+def _names(plans) -> str:
+    """ 'The normal map "a" is' or 'The normal maps "a", "b" are'."""
+    names = sorted({f'"{plan.image.name}"' for plan in plans})
+    return f"The normal map {names[0]} is" if len(names) == 1 else f"The normal maps {', '.join(names)} are"
+
+
+def megabytes(count: float) -> str:
+    """Bytes as "12.3 MiB"."""
+    return f"{count / MIB:.3g} MiB"
