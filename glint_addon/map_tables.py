@@ -116,13 +116,13 @@ def bake_plan(plan: MapPlan, folder: Path, report: dict, start: float, end: floa
     job = partial(bake_table, normals, folder, interpolation=plan.interpolation)
     path, written = yield Job(f'Baking "{name}"', start, middle, job)
     report["baked"] += [str(path)] * written
+    report["reused"] += [str(path)] * (len(plan.groups) - written)
     if plan.levels is not None:
         job = partial(bake_counts, normals, folder, interpolation=plan.interpolation, levels=plan.levels)
         counts_path, counts_written, low, high = yield Job(f'Counting "{name}"', middle, end, job)
         report["baked"] += [str(counts_path)] * counts_written
         report["reused"] += [str(counts_path)] * (len(plan.groups) - counts_written)
         counts = str(counts_path), list(plan.levels), _floats(low), _floats(high)
-    report["reused"] += [str(path)] * (len(plan.groups) - written)
     low, high = slope_bounds(normals)
     return str(path), [normals.shape[1], normals.shape[0]], _floats(low), _floats(high), counts
 

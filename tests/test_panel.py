@@ -140,7 +140,7 @@ def test_a_new_report_replaces_the_old_one(glinting):
     store_report(bpy.context.scene, {**REPORT, "hints": [], "warnings": [], "baked": [], "reused": [], "unseen": []})
     assert not bpy.context.scene.glint.warnings
     assert "No light makes glints" in drawn(GLINT_PT_lights)[0]
-    assert drawn(GLINT_PT_tables) == ["No table is needed", "[Also Bake Unseen]"]
+    assert drawn(GLINT_PT_tables) == ["No table is needed", "[Also Bake Unseen]", "[Table Budget (MiB)]"]
 
 
 def test_the_report_panels_wait_for_the_first_preparation(glinting):

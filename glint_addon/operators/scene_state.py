@@ -1,7 +1,9 @@
 """What the extension keeps on a scene: the map picked for the next material, and what the last preparation found."""
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
+
+from ..table_budget import DEFAULT_BUDGET
 
 RENDERED_IMAGES = {"RENDER_RESULT", "COMPOSITING"}  # image types that hold no file or pixels of their own
 
@@ -25,6 +27,14 @@ class GLINT_PG_scene(bpy.types.PropertyGroup):
         name="Also Bake Unseen",
         description="Bake tables for objects outside every camera's view too: for glints that show only in mirrors. "
         "Without it these render as Blender's own nodes, right but noisy",
+    )
+    table_budget: IntProperty(
+        name="Table Budget (MiB)",
+        description="Memory that the tables of all normal maps together may take in a render. Beyond it, far "
+        "views of the largest maps get noisier, then these render as Blender's own nodes",
+        default=DEFAULT_BUDGET,
+        min=0,
+        soft_min=64,
     )
     prepared: BoolProperty(name="Prepared", description="Whether this scene has been prepared for glints")
     osl: BoolProperty(name="OSL", description="Whether Open Shading Language was on after the last preparation")

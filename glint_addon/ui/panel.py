@@ -88,6 +88,7 @@ class GLINT_PT_tables(PreparedPanel, bpy.types.Panel):
         if state.tables:
             draw_sentence(layout, context, f"In {bpy.path.native_pathsep(folder_of(state.tables[0].name))}")
         layout.prop(state, "bake_unseen")
+        layout.prop(state, "table_budget")
         for line in state.unseen:
             draw_sentence(layout, context, f"{line.name}: no camera sees it, so it has no table", "DOT")
 
