@@ -12,6 +12,7 @@ import bpy
 from .blend_file import FORMATS, blender, chosen_scene, open_file, set_output
 from .errors import GlintError, SceneError
 from .streams import blender_talks_to_stderr
+from .terminal import terminal_progress
 
 COMMAND = "glint"
 _handles = []
@@ -153,11 +154,7 @@ def prepare(scene) -> list[str]:
     from .operators.scene_state import store_report
     from .prepare import prepare_scene
 
-    report = prepare_scene(scene, progress=show_progress)
+    with terminal_progress() as progress:
+        report = prepare_scene(scene, progress=progress)
     store_report(scene, report)
     return [summary(report), counts_line(report), *(f"Warning: {sentence}" for sentence in report["warnings"])]
-
-
-def show_progress(fraction: float, text: str):
-    """One line on standard error."""
-    print(f"[{fraction:4.0%}] {text}", file=sys.stderr)

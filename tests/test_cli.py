@@ -2,6 +2,7 @@
 
 import json
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ import bpy
 import pytest
 
 from glint_addon import cli
+from glint_addon.images import image_pixels
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 
@@ -62,6 +64,21 @@ def test_prepare_saves_what_it_found(capfd, blend):
 def test_prepare_again_bakes_nothing(capfd, blend):
     run(capfd, "prepare", blend)
     assert "0 tables baked, 1 reused" in run(capfd, "prepare", blend)[1]
+
+
+def test_interrupted_while_baking_nothing_has_changed(capfd, blend, monkeypatch):
+    """Ctrl-C comes once the pixels are read; the next report of progress ends the bake."""
+
+    def read(image):
+        signal.raise_signal(signal.SIGINT)
+        return image_pixels(image)
+
+    monkeypatch.setattr("glint_addon.map_tables.image_pixels", read)
+    content, before = blend.read_bytes(), signal.getsignal(signal.SIGINT)
+    assert "Stopped with Ctrl-C: nothing has changed" in refused(capfd, "prepare", blend)
+    assert blend.read_bytes() == content and not (blend.parent / "glint_tables").exists()
+    assert signal.getsignal(signal.SIGINT) == before
+    assert not bpy.context.scene.glint.prepared
 
 
 def test_info_tells_materials_and_lights_before_and_after(capfd, blend):

@@ -32,7 +32,8 @@ ALLOWED = {
     "ui": CORE | {"operators"},
     "blend_file": BASE,
     "streams": set(),
-    "cli": CORE | {"operators", "blend_file", "streams"},
+    "terminal": {"errors"},
+    "cli": CORE | {"operators", "blend_file", "streams", "terminal"},
     "": CORE | {"operators", "ui", "cli"},
     "__main__": {"", "cli", "streams"},
 }

@@ -120,6 +120,8 @@ def draw_maps(layout, context):
             column.label(text=bpy.path.basename(table), icon="FILE_CACHE")
         elif context.material.name in context.scene.glint.unseen:
             column.label(text="No camera sees it: no table", icon="HIDE_ON")
+        elif "glint_size" in group:
+            column.label(text="Over the table budget: no table", icon="ERROR")
         elif bpy.app.build_options.cycles_osl:
             column.label(text="Not prepared yet", icon="ERROR")
 
