@@ -12,7 +12,8 @@ import time
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent
-OTHERS = ("query", "temporal", "no_hints")  # modules beside this one with a command line of their own
+# Modules beside this one with a command line of their own.
+OTHERS = ("query", "temporal", "no_hints", "bake")
 
 
 def main(arguments=None) -> int:

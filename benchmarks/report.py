@@ -19,6 +19,7 @@ OTHERS = {
     "query": "One evaluation of the lobe",
     "temporal": "Moving pictures",
     "no_hints": "A scene without small lights",
+    "bake": "Baking, and the start of a render",
 }
 STRESS = RESULTS / "stress.json"
 MEGABYTE = 1e6
