@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
+
+from .errors import CancelledError, SceneError
 
 
 @dataclass(frozen=True)
@@ -35,3 +38,54 @@ def finished(steps: Generator, progress: Callable[[float, str], None]):
                 job = steps.send(job.done(progress))
         except StopIteration as stop:
             return stop.value
+
+
+class Running:
+    """Jobs that run one after the other in a thread of their own, while `step` is called now and then.
+
+    fraction, text: how far they are; result: what the steps return, once `step` has said that all is finished.
+    """
+
+    def __init__(self, steps: Generator):
+        self.fraction, self.text, self.result = 0.0, "", None
+        self._steps = steps
+        self._is_cancelled = False
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="glint")
+        self._job = None
+
+    def step(self) -> bool:
+        """Go on to the next job if one is done; whether all are finished.
+
+        Raises what a job raised, CancelledError after `cancel`; SceneError if data-blocks have gone meanwhile.
+        """
+        if self._job is not None and not self._job.done():
+            return False
+        try:
+            value = self._job.result() if self._job is not None else None
+            self._job = self._thread.submit(self._steps.send(value).done, self._progress)
+            return False
+        except StopIteration as stop:
+            self.result = stop.value
+        except ReferenceError as error:
+            self.close()
+            raise SceneError("What was to be prepared is no longer in this file: prepare it again.") from error
+        except BaseException:
+            self.close()
+            raise
+        self.close()
+        return True
+
+    def cancel(self):
+        """Let the job that runs end at its next report of progress."""
+        self._is_cancelled = True
+
+    def close(self):
+        """End the jobs, waiting for the one that runs, and take back what they wrote unless all are finished."""
+        self.cancel()
+        self._thread.shutdown(wait=True, cancel_futures=True)
+        self._steps.close()
+
+    def _progress(self, fraction, text):
+        if self._is_cancelled:
+            raise CancelledError("Stopped: nothing has changed, so prepare again before rendering.")
+        self.fraction, self.text = fraction, text

@@ -4,12 +4,11 @@ import bpy
 
 from ..nodes.image_texture import KIND as IMAGE_GROUP
 from .failing_softly import FailsSoftly
+from .in_background import RunsInBackground
 from .scene_state import store_report
 
-PROGRESS_STEPS = 1000  # Blender's progress cursor counts in whole numbers
 
-
-class GLINT_OT_prepare(FailsSoftly, bpy.types.Operator):
+class GLINT_OT_prepare(FailsSoftly, RunsInBackground, bpy.types.Operator):
     """Bake the tables that are missing, find the lights that make glints and switch Open Shading Language on"""
 
     bl_idname = "glint.prepare"
@@ -26,19 +25,14 @@ class GLINT_OT_prepare(FailsSoftly, bpy.types.Operator):
             return True
         return False
 
-    def run(self, context):
-        """Prepare the scene, keep the report for the panel, and report it in words."""
-        from ..prepare import prepare_scene
+    def steps(self, context):
+        """What there is to do, as jobs."""
+        from ..prepare import preparation
 
-        manager = context.window_manager
-        manager.progress_begin(0, PROGRESS_STEPS)
-        try:
-            report = prepare_scene(
-                context.scene,
-                progress=lambda fraction, _text: manager.progress_update(round(fraction * PROGRESS_STEPS)),
-            )
-        finally:
-            manager.progress_end()
+        return preparation(context.scene)
+
+    def finish(self, context, report):
+        """Keep the report for the panel, and say it in words."""
         store_report(context.scene, report)
         for sentence in report["warnings"]:
             self.report({"WARNING"}, sentence)
