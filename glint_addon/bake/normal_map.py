@@ -58,11 +58,14 @@ def slope_bounds(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     only float images hold, n.x and n.y themselves count too: strengths below 1 come nearer to these. If any normal
     lies at or below the horizon there is no bound, and the result is (-inf, inf).
     """
-    if not (normals[..., 2] > 0.0).all():
-        return np.full(2, -np.inf, np.float32), np.full(2, np.inf, np.float32)
-    slopes = normals[..., :2] / normals[..., 2:]
-    low, high = slopes.min(axis=(0, 1)), slopes.max(axis=(0, 1))
-    if (normals[..., 2] > 1.0).any():
-        slopes = normals[..., :2] / np.minimum(normals[..., 2:], 1.0)
-        low, high = np.minimum(low, slopes.min(axis=(0, 1))), np.maximum(high, slopes.max(axis=(0, 1)))
+    low, high = np.full(2, np.inf, np.float32), np.full(2, -np.inf, np.float32)
+    for first in range(0, len(normals), ROWS):
+        x, y, z = np.moveaxis(normals[first : first + ROWS], -1, 0)
+        if not (z > 0.0).all():
+            return -np.full(2, np.inf, np.float32), np.full(2, np.inf, np.float32)
+        heights = (z, np.minimum(z, 1.0)) if (z > 1.0).any() else (z,)
+        for axis, across in enumerate((x, y)):
+            for height in heights:
+                slope = across / height
+                low[axis], high[axis] = min(low[axis], slope.min()), max(high[axis], slope.max())
     return low, high
