@@ -33,17 +33,17 @@ PLACES_SEED = 7
 
 @dataclass(frozen=True)
 class QueryMap:
-    """encoded: normals (TEXELS, TEXELS, 3); interpolation: 'LINEAR' or 'CLOSEST'."""
+    """encoded: normals, square (rows, columns, 3); interpolation: 'LINEAR' or 'CLOSEST'."""
 
     encoded: np.ndarray
     interpolation: str
 
 
-def query_map(name) -> QueryMap:
-    """The map "bumps" or "flakes". Raises KeyError for another name."""
+def query_map(name, texels=TEXELS) -> QueryMap:
+    """The map "bumps" or "flakes", `texels` a side. Raises KeyError for another name."""
     make = {
-        "bumps": lambda: QueryMap(maps.bumps(TEXELS, std=SLOPE, width=BUMP_WIDTH, seed=5), "LINEAR"),
-        "flakes": lambda: QueryMap(maps.flakes(TEXELS, std=SLOPE, seed=5), "CLOSEST"),
+        "bumps": lambda: QueryMap(maps.bumps(texels, std=SLOPE, width=BUMP_WIDTH, seed=5), "LINEAR"),
+        "flakes": lambda: QueryMap(maps.flakes(texels, std=SLOPE, seed=5), "CLOSEST"),
     }
     return make[name]()
 

@@ -17,6 +17,8 @@ NOTHING = "Not measured yet: `make bench` does."
 # Measured by modules of their own: each writes RESULTS/NAME.json and has `table(results) -> str`.
 OTHERS = {
     "query": "One evaluation of the lobe",
+    "sweep": "A sample, by the texels in its footprint",
+    "dolly": "From one texel in a pixel to a million",
     "temporal": "Moving pictures",
     "no_hints": "A scene without small lights",
     "bake": "Baking, and the start of a render",
