@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
+from mathutils import Matrix
 
 from .lights.animation import is_animated
-from .motion import is_fixed
+from .motion import keeps_its_shape
+from .poses import poses
 from .visibility import MARGIN, scene_cameras
 
 ROUNDING = 1e-6  # of coordinates relative to the scene's size
@@ -40,16 +42,17 @@ class Eye:
         return sides
 
 
-def scene_eyes(scene) -> list[Eye]:
-    """The eyes of all cameras; none if there are none, or if one may see anything."""
+def scene_eyes(scene, frames) -> list[list[Eye]]:
+    """The eyes of each camera at each of the `frames`; none if there are no cameras, or if one may see anything."""
     unsure = scene.render.use_multiview or not hasattr(scene, "cycles") or is_animated(scene, "cycles.samples")
-    eyes = [] if unsure else [_eye(camera, scene) for camera in scene_cameras(scene)]
+    eyes = [] if unsure else [_eyes(camera, scene, frames) for camera in scene_cameras(scene)]
     return [] if None in eyes else eyes
 
 
-def _eye(camera, scene) -> Eye | None:
+def _eyes(camera, scene, frames) -> list[Eye] | None:
     data = camera.data
-    if data.type not in {"PERSP", "ORTHO"} or not is_fixed(camera):
+    matrices = poses(camera, frames)
+    if data.type not in {"PERSP", "ORTHO"} or not keeps_its_shape(camera) or matrices is None:
         return None
     is_perspective = data.type == "PERSP"
     frame = np.array([corner[:] for corner in data.view_frame(scene=scene)])
@@ -59,8 +62,7 @@ def _eye(camera, scene) -> Eye | None:
     share = scene.render.resolution_percentage / 100
     pixels = share * np.array([scene.render.resolution_x, scene.render.resolution_y])
     farthest = np.maximum(np.abs(low), np.abs(high))
-    return Eye(
-        np.array(camera.matrix_world.normalized().inverted_safe()),
+    view = (
         (low + high) / 2 - MARGIN * (high - low).max() / 2,
         (low + high) / 2 + MARGIN * (high - low).max() / 2,
         float(((high - low) / pixels).mean()),
@@ -69,16 +71,20 @@ def _eye(camera, scene) -> Eye | None:
         data.clip_end,
         is_perspective,
     )
+    return [Eye(np.array(Matrix(matrix).normalized().inverted_safe()), *view) for matrix in matrices]
 
 
-def is_inside(eye, thing) -> bool:
-    """Whether an eye is within the box of an object."""
-    return bool((_box(thing, eye)[1][:, 3] > 0.0).all())
+def is_inside(eye, thing, matrix) -> bool:
+    """Whether an eye is within the box of an object; matrix: (4, 4), object to world."""
+    return bool((_box(thing, matrix, eye)[1][:, 3] > 0.0).all())
 
 
-def depth_range(eye, thing, seen_in_mirrors) -> tuple[float, float] | None:
-    """Nearest and farthest depth [m] at which an eye sees the box of an object, or None if it does not see it."""
-    corners, normals = _box(thing, eye)
+def depth_range(eye, thing, matrix, seen_in_mirrors) -> tuple[float, float] | None:
+    """Nearest and farthest depth [m] at which an eye sees the box of an object, or None if it does not see it.
+
+    matrix: (4, 4), object to world.
+    """
+    corners, normals = _box(thing, matrix, eye)
     if seen_in_mirrors:
         # The way over a mirror is never shorter than the straight one, which may lie outside the view.
         nearest = np.clip(0.0, corners.min(axis=0), corners.max(axis=0))
@@ -100,13 +106,13 @@ def depth_range(eye, thing, seen_in_mirrors) -> tuple[float, float] | None:
     return max(float(depth.min()), eye.start), min(float(depth.max()), eye.end)
 
 
-def _box(thing, eye) -> tuple[np.ndarray, np.ndarray]:
+def _box(thing, to_world, eye) -> tuple[np.ndarray, np.ndarray]:
     """Corners (8, 3) and planes (6, 4), inside positive, of an object's box in the camera's space."""
     corners = np.array(thing.bound_box)
     low, high = corners.min(axis=0), corners.max(axis=0)
     thickness = max(FLATNESS * float(np.linalg.norm(high - low)), 1e-9)
     low, high = low - thickness, high + thickness
-    matrix = eye.inverse @ np.array(thing.matrix_world)
+    matrix = eye.inverse @ to_world
     local = np.array(list(product(*np.stack([low, high], axis=1))))
     to_local = np.linalg.inv(matrix)
     planes = np.vstack([to_local[:3], -to_local[:3]])

@@ -12,7 +12,8 @@ import numpy as np
 from .bake.counts import counts_levels
 from .coordinates import evaluated_mesh, face_planes, texel_densities, uv_transforms, vertices
 from .eyes import depth_range, is_inside, scene_eyes
-from .motion import copies_others, has_fixed_box
+from .motion import copies_others, has_rigid_box
+from .poses import poses, scene_frames
 
 # Radius in pixels of the footprint of one of `samples` samples: osl/footprint.h.
 FOOTPRINT_SCALE = 1.1
@@ -32,6 +33,8 @@ NO_MIRRORS = {
     "ShaderNodeOutputMaterial",
 }
 JUDGED_FACES = 256  # of a mesh, to find out whether it can see itself
+FRAMES = 33  # of an animation that are looked at; the margin holds what lies between
+LEAST_SCALING = 1e-3  # relative change of an object's size over an animation that changes its density of texels
 LEAST_HOLLOW = 1e-3  # of the mesh's size: how far a point stands above a face that sees it; less is rounding
 
 
@@ -42,22 +45,26 @@ def footprint_range(scene, group, uses, size, *, mirrored=False) -> tuple[float,
     if mirrors showed every object. The margin is included. (0, inf) where it cannot be told; (inf, 0) if nothing is
     seen. Matrices must be current. Source of the footprint: osl/footprint.h.
     """
-    eyes = scene_eyes(scene)
+    frames = scene_frames(scene, FRAMES)
+    eyes = scene_eyes(scene, frames)
     if not eyes or any(copies_others(thing) for thing in scene.objects):
         return EVERYTHING
     ranges = []
     for thing, material in dict.fromkeys(uses):
         places = uv_transforms(material, group)
-        mesh = _still_mesh(scene, thing)
-        if places is None or mesh is None:
+        mesh = _rigid_mesh(scene, thing)
+        matrices = poses(thing, frames)
+        if places is None or mesh is None or matrices is None or not _is_rigid(matrices):
             return EVERYTHING
-        seen_in_mirrors = mirrored or _is_mirrored(scene, thing, mesh, any(is_inside(eye, thing) for eye in eyes))
+        views = _distinct_views(eyes, matrices)
+        from_within = any(is_inside(eye, thing, matrix) for eye, matrix in views)
+        seen_in_mirrors = mirrored or _is_mirrored(scene, thing, mesh, from_within)
         for uv_map, transform in places:
             texels = np.diag(np.asarray(size, float)) @ transform
-            density = texel_densities(mesh, np.array(thing.matrix_world)[:3, :3], uv_map, texels)
+            density = texel_densities(mesh, matrices[0, :3, :3], uv_map, texels)
             if density is None:
                 return EVERYTHING
-            ranges += [_seen(eye, thing, density, seen_in_mirrors) for eye in eyes]
+            ranges += [_seen(eye, thing, matrix, density, seen_in_mirrors) for eye, matrix in views]
     radius = FOOTPRINT_SCALE * max(scene.cycles.samples, 1) ** -FOOTPRINT_EXPONENT
     smallest, largest = NOTHING if not ranges else (min(low for low, _ in ranges), max(high for _, high in ranges))
     return float(smallest * radius / MARGIN), float(largest * radius * MARGIN)
@@ -77,17 +84,32 @@ def counts_levels_reached(footprints, width: int, height: int, interpolation: st
     return max(nearest, default=levels[0]), max(farthest)
 
 
-def _still_mesh(scene, thing) -> bpy.types.Mesh | None:
-    """The mesh that is rendered of an object at every frame, or None if it may change."""
-    if not has_fixed_box(thing) or abs(np.linalg.det(np.array(thing.matrix_world)[:3, :3])) == 0.0:
+def _rigid_mesh(scene, thing) -> bpy.types.Mesh | None:
+    """The mesh that is rendered of an object at every frame, or None if it may change its shape."""
+    if not has_rigid_box(thing):
         return None
     depsgraph = next((layer.depsgraph for layer in scene.view_layers if layer.use), None)
     return evaluated_mesh(thing, depsgraph) if depsgraph is not None else None
 
 
-def _seen(eye, thing, density, seen_in_mirrors) -> tuple[float, float]:
+def _is_rigid(matrices) -> bool:
+    """Whether none of the matrices (n, 4, 4) is degenerate and all scale alike."""
+    scales = np.linalg.svd(matrices[:, :3, :3], compute_uv=False)
+    return bool(scales.min() > 0.0 and (np.ptp(scales, axis=0) <= LEAST_SCALING * scales[0]).all())
+
+
+def _distinct_views(eyes, matrices) -> list[tuple]:
+    """Eye and object's matrix of each camera at each frame; a frame like the first counts once."""
+    views = []
+    for row in eyes:
+        pairs = list(zip(row, matrices, strict=True))
+        views += {(eye.inverse.tobytes(), matrix.tobytes()): (eye, matrix) for eye, matrix in pairs}.values()
+    return views
+
+
+def _seen(eye, thing, matrix, density, seen_in_mirrors) -> tuple[float, float]:
     """Smallest and largest footprint, in texels a pixel radius, that an eye sees of an object; NOTHING if none."""
-    depths = depth_range(eye, thing, seen_in_mirrors)
+    depths = depth_range(eye, thing, matrix, seen_in_mirrors)
     if depths is None:
         return NOTHING
     if not eye.is_perspective:

@@ -8,24 +8,43 @@ MODIFIERS_THAT_COPY = {"BOOLEAN", "PARTICLE_SYSTEM"}
 NODES_THAT_COPY = {"GeometryNodeCollectionInfo", "GeometryNodeObjectInfo"}
 
 
-def is_fixed(thing) -> bool:
-    """Whether object `thing` stays as it is at every frame, as far as can be told; False in doubt."""
-    shapes = getattr(thing.data, "shape_keys", None)
+def is_fixed(thing, *, shape=True) -> bool:
+    """Whether object `thing` stays as it is at every frame, as far as can be told; False in doubt.
+
+    shape: whether its shape must stay too, or only its place.
+    """
     return (
-        not any(_is_animated(block) for block in (thing, thing.data, shapes))
-        and not thing.constraints
-        and thing.rigid_body is None
-        and all(modifier.type in KEEPS_THE_BOX for modifier in thing.modifiers)
-        and (thing.parent is None or thing.parent_type == "OBJECT" and is_fixed(thing.parent))
+        not _is_animated(thing)
+        and keeps_its_place(thing)
+        and (not shape or keeps_its_shape(thing))
+        and (thing.parent is None or thing.parent_type == "OBJECT" and is_fixed(thing.parent, shape=shape))
+    )
+
+
+def keeps_its_place(thing) -> bool:
+    """Whether nothing but its own animation and its parent moves an object."""
+    return not thing.constraints and thing.rigid_body is None
+
+
+def keeps_its_shape(thing) -> bool:
+    """Whether the data of an object, and its modifiers unless they are animated, stay as they are."""
+    shapes = getattr(thing.data, "shape_keys", None)
+    return not any(_is_animated(block) for block in (thing.data, shapes)) and all(
+        modifier.type in KEEPS_THE_BOX for modifier in thing.modifiers
     )
 
 
 def has_fixed_box(thing) -> bool:
     """Whether the object's box holds at every frame all that is rendered of it."""
+    return is_fixed(thing) and has_rigid_box(thing)
+
+
+def has_rigid_box(thing) -> bool:
+    """Whether the object's box, wherever it moves to, holds all that is rendered of it."""
     moves_surface = any(
         slot.material is not None and slot.material.displacement_method != "BUMP" for slot in thing.material_slots
     )
-    return thing.type == "MESH" and is_fixed(thing) and not moves_surface
+    return thing.type == "MESH" and keeps_its_shape(thing) and not moves_surface
 
 
 def copies_others(thing) -> bool:

@@ -11,6 +11,7 @@ from glint_addon.bake.counts import counts_levels
 from glint_addon.footprints import EVERYTHING, MARGIN, NOTHING, counts_levels_reached, footprint_range
 from glint_addon.material import glint_groups
 from glint_addon.nodes import script_node
+from glint_addon.poses import poses
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 from tests.reference import footprint as reference
@@ -199,8 +200,25 @@ def stereo(scene, plane):
     scene.render.use_multiview = True
 
 
-def moving_camera(scene, plane):
+def driven_camera(scene, plane):
+    scene.camera.driver_add("location", 0)
+
+
+def camera_in_a_strip(scene, plane):
     scene.camera.keyframe_insert("location", frame=1)
+    animation = scene.camera.animation_data
+    animation.nla_tracks.new().strips.new("Strip", 1, animation.action)
+
+
+def growing_object(scene, plane):
+    for frame, scale in ((1, 1.0), (50, 2.0)):
+        plane.scale = (scale, scale, scale)
+        plane.keyframe_insert("scale", frame=frame)
+
+
+def changing_mesh(scene, plane):
+    plane.shape_key_add(name="Basis")
+    plane.shape_key_add(name="Other").keyframe_insert("value", frame=1)
 
 
 def zooming_camera(scene, plane):
@@ -288,7 +306,8 @@ def inside_a_group(scene, plane):
 
 @pytest.mark.parametrize(
     "change",
-    [panorama, no_camera, stereo, moving_camera, zooming_camera, moving_object, constraint, changing_samples, instancer,
+    [panorama, no_camera, stereo, driven_camera, camera_in_a_strip, zooming_camera, moving_object, growing_object,
+     changing_mesh, constraint, changing_samples, instancer,
      waves, displacement, no_uv_map, degenerate_uvs, flattened, object_coordinates, linked_scale, animated_nodes,
      bent_coordinates, no_coordinates, inside_a_group],
 )
@@ -297,6 +316,64 @@ def test_in_doubt_the_range_is_everything(scene, material, change):
     assert judged(scene, plane) != EVERYTHING
     change(scene, plane)
     assert judged(scene, plane) == EVERYTHING
+
+
+def keyed(thing, path, *keys):
+    """Give a property keys (frame, value); the thing is left as it is at the first."""
+    for frame, value in reversed(keys):
+        setattr(thing, path, value)
+        thing.keyframe_insert(path, frame=frame)
+
+
+def dolly(scene, plane):
+    keyed(scene.camera, "location", (1, (0, 0, 3)), (100, (0, 0, 30)))
+
+
+def dolly_on_a_rig(scene, plane):
+    rig = bpy.data.objects.new("Rig", None)
+    scene.collection.objects.link(rig)
+    scene.camera.parent = rig
+    keyed(rig, "location", (1, (0, 0, 0)), (100, (0, 0, 27)))
+
+
+def object_that_goes(scene, plane):
+    plane.rotation_mode = "QUATERNION"
+    keyed(plane, "location", (1, (0, 0, 0)), (100, (0, 0, -27)))
+    keyed(plane, "rotation_quaternion", (1, (1, 0, 0, 0)), (100, (0, 0, 0, 1)))
+
+
+@pytest.mark.parametrize("animate", [dolly, dolly_on_a_rig, object_that_goes])
+def test_an_animation_counts_at_all_its_frames(scene, material, animate):
+    scene.frame_start, scene.frame_end = 1, 100
+    plane = cycles.add_plane(scene, 0.5, material=material)
+    still = judged(scene, plane)
+    before = {thing.name: thing.matrix_world.copy() for thing in scene.objects}
+    animate(scene, plane)
+    low, high = judged(scene, plane)
+    assert low == pytest.approx(still[0], rel=0.01) and high == pytest.approx(10 * still[1], rel=0.05)
+    assert all(scene.objects[name].matrix_world == matrix for name, matrix in before.items()), "nothing has moved"
+    scene.frame_end = 1
+    assert judged(scene, plane) == pytest.approx(still, rel=0.01)
+
+
+@pytest.mark.parametrize("mode", ["XYZ", "ZYX", "QUATERNION", "AXIS_ANGLE"])
+def test_poses_are_where_blender_puts_the_object(scene, mode):
+    parent = bpy.data.objects.new("Parent", None)
+    child = bpy.data.objects.new("Child", None)
+    for index, thing in enumerate((parent, child)):
+        scene.collection.objects.link(thing)
+        thing.rotation_mode = mode
+        path = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(mode, "rotation_euler")
+        values = np.random.default_rng(index).uniform(0.2, 1.5, (2, len(getattr(thing, path))))
+        keyed(thing, path, (1, values[0]), (20, values[1]))
+        keyed(thing, "location", (1, (index, 2, 3)), (20, (4, 5, index)))
+    child.parent = parent
+    child.matrix_parent_inverse = parent.matrix_basis.inverted()
+    frames = [1, 7, 20]
+    found = poses(child, frames)
+    for frame, matrix in zip(frames, found, strict=True):
+        scene.frame_set(frame)
+        np.testing.assert_allclose(matrix, np.array(child.matrix_world), atol=1e-5)
 
 
 def test_what_a_mirror_may_show_has_no_farthest_footprint(scene, material):
