@@ -43,15 +43,20 @@ class Cost:
         return self.seconds * THREADS / (self.spp * pixels) * 1e6
 
 
-def render_cost(scene, spp: int, start_up: float, *, guess: float | None = None) -> Cost:
-    """The cost of `spp` samples a pixel of `scene`; guess: seconds they may take, else a pilot render tells."""
+def render_cost(
+    scene, spp: int, start_up: float, *, guess: float | None = None, start_ups: float = START_UPS
+) -> Cost:
+    """The cost of `spp` samples a pixel of `scene`; guess: seconds they may take, else a pilot render tells.
+
+    start_ups: how many times the start-up the timed render takes at least.
+    """
     if guess is None:
         guess = _seconds(scene, spp, 1, start_up)
-    repeats = _repeats(guess, start_up)
+    repeats = _repeats(guess, start_up, start_ups)
     seconds = _seconds(scene, spp, repeats, start_up)
-    if seconds * repeats < least_seconds(start_up) / 2 and repeats < LARGEST_REPEATS:
+    if seconds * repeats < least_seconds(start_up, start_ups) / 2 and repeats < LARGEST_REPEATS:
         # The guess was far off: once more, from what is known now.
-        repeats = _repeats(seconds, start_up)
+        repeats = _repeats(seconds, start_up, start_ups)
         seconds = _seconds(scene, spp, repeats, start_up)
     return Cost(spp, repeats, seconds, start_up)
 
@@ -75,13 +80,13 @@ def _seconds(scene, spp, repeats, start_up):
     return max(total - start_up, measure.CLOCK_NOISE) / repeats
 
 
-def least_seconds(start_up: float) -> float:
+def least_seconds(start_up: float, start_ups: float = START_UPS) -> float:
     """Seconds without start-up that a render must take to tell its cost."""
-    return max(LEAST_SECONDS, START_UPS * start_up)
+    return max(LEAST_SECONDS, start_ups * start_up)
 
 
-def _repeats(seconds, start_up):
-    return min(max(math.ceil(least_seconds(start_up) / seconds), 1), LARGEST_REPEATS)
+def _repeats(seconds, start_up, start_ups):
+    return min(max(math.ceil(least_seconds(start_up, start_ups) / seconds), 1), LARGEST_REPEATS)
 
 
 @contextlib.contextmanager

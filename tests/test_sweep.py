@@ -62,7 +62,7 @@ def test_each_round_renders_every_case_once_and_rows_are_their_medians(monkeypat
     """Renders are replaced by a cost that depends on the material, the suns and the round."""
     seen = []
 
-    def cost(scene, spp, start_up, *, guess):
+    def cost(scene, spp, start_up, *, guess, start_ups):
         row = round(scene.render.border_min_y * 2)
         suns = sum(not lamp.hide_render for lamp in scene.objects if lamp.type == "LIGHT")
         seen.append((round(scene.render.border_min_x * len(AREAS)), row, suns))
