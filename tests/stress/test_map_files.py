@@ -137,7 +137,8 @@ def test_two_materials_on_one_map(stress_record):
 
     outcome = compare(stress_record, build)
     tables = outcome.report["baked"] + outcome.report["reused"]
-    assert len(tables) == 2 and len(set(tables)) == 1, "one table for both"
+    # Of normals, and of counts because each square might mirror the other.
+    assert len(tables) == 4 and all(tables.count(table) == 2 for table in tables), "the same for both"
 
 
 @pytest.mark.parametrize("last", ["this scene", "the other scene"])
