@@ -3,7 +3,7 @@
 The mean luminance of the glint material at each step of dolly_scene.py against Blender's own nodes (dolly_truth.py),
 for flakes and bumps, sharp facets and wider ones: relative error with its standard deviation, and the largest step from
 one distance to the next, from which the truth's noise falls out. The footprint is that of SPP samples a pixel at every
-step; near, where pixels are many, fewer are taken, and far more, which costs little.
+step; near, where pixels are many, fewer samples are taken.
 
 The receding plane is compared band by band from near to far, and drawn beside the truth into plots/dolly.png.
 """
@@ -27,11 +27,10 @@ from .record import RESULTS, ROOT, machine, machine_line
 
 FILE = RESULTS / "dolly.json"
 PICTURE = ROOT / "benchmarks" / "plots" / "dolly.png"
-SPP = 16  # that the footprint is for
+SPP = 16  # that the footprint is for, and the most that are taken: they tell the mean to a tenth of a percent
 SEEDS = (1, 2)
-# Samples of a picture: as many as tell the mean to a few tenths of a percent where few facets shine.
+# Samples of a picture at most: they tell the mean to a few tenths of a percent where few facets shine.
 SAMPLES = {"sharp": 4_000_000, "soft": 600_000}
-LEAST_SPP, MOST_SPP = 1, 128
 PICTURE_SPP = 64
 GOAL = 0.01  # largest error of the mean, and about the smallest step of brightness that an eye sees
 LARGEST_Z = 4.0  # standard deviations; one false alarm in 16,000 comparisons, of which a run makes 200
@@ -85,8 +84,8 @@ def glint_material(image, **surface):
 
 
 def samples(step, key) -> int:
-    """Samples a pixel for about SAMPLES in the picture."""
-    return max(LEAST_SPP, min(SAMPLES[key] // step.side**2, MOST_SPP))
+    """Samples a pixel, for at most about SAMPLES in the picture."""
+    return max(1, min(SAMPLES[key] // step.side**2, SPP))
 
 
 def summary(rows, truth_noise) -> dict:
