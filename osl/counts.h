@@ -7,13 +7,21 @@
  * counted twice, wherever the cells lie.
  */
 
-/* Largest side of a block relative to the footprint's short semi-axis. */
-#define FAR_SIDE 1.0
-/* Groups visited a sample at most; beyond, larger blocks are taken. */
-#define FAR_GROUPS 12
-/* Widest bin relative to the width of the lobe and its light: elements are taken for evenly spread over a cell. */
-#define FAR_BIN_CLOSEST 1.2
-#define FAR_BIN_LINEAR 2.2
+/* Largest side of a block relative to the footprint's short semi-axis: wider blocks would see more of the map than the
+ * footprint (see own in counts_closures). The first level serves nearer footprints too, rather than none. */
+#define FAR_SIDE 0.6
+#define FAR_SIDE_FIRST 1.2
+/* Groups visited a sample at most; beyond, larger blocks are taken, up to this side relative to the short semi-axis:
+ * footprints longer than that are left to points. */
+#define FAR_GROUPS 16
+#define FAR_SIDE_LONG 2.0
+/* Fewest bins from the middle of a hint's region to its rim: elements are taken for evenly spread over a bin, which on
+ * smooth maps they nearly are. */
+#define FAR_REACH_CLOSEST 2.1
+#define FAR_REACH_LINEAR 1.15
+/* Share of a hint's mass that makes a cell stand out, and its parts along one side. */
+#define PEAK_SHARE 0.3
+#define PEAK_PARTS 5
 /* Least height of a half vector above the surface (cosine) for which slopes are counted. */
 #define LEAST_HEIGHT 0.05
 
@@ -46,64 +54,57 @@ int level_groups(int size, int block)
   return max((size + block) / (2 * block), 1);
 }
 
-/* Level with blocks of that side; the counts' own sides in the texture come out with the last level. */
+/* Texels of all levels before the one with blocks of that side, and the header. */
+int texels_before(Counts counts, int block, int width, int height, int is_linear)
+{
+  int texels = 1;
+  for (int side = counts.first; side < block; side *= 2) {
+    int corners = level_corners(side, is_linear);
+    texels += level_groups(width, side) * level_groups(height, side) * corners * corners;
+  }
+  return texels;
+}
+
+/* The level with blocks of that side. The texture's sides are powers of two, as nearly alike as they can be. */
 Level counts_level(Counts counts, int block, int width, int height, int is_linear)
 {
   Level level;
   level.block = block;
-  level.first = 1;
-  for (int side = counts.first; side < block; side *= 2) {
-    int corners = level_corners(side, is_linear);
-    level.first += level_groups(width, side) * level_groups(height, side) * corners * corners;
-  }
+  level.first = texels_before(counts, block, width, height, is_linear);
   level.corners = level_corners(block, is_linear);
   level.columns = level_groups(width, block);
   level.rows = level_groups(height, block);
   level.group_u = width / (float)level.columns;
   level.group_v = height / (float)level.rows;
-  return level;
-}
-
-/* Sides of the texture, powers of two: it is as nearly square as they can be. */
-void counts_size(Counts counts, int width, int height, int is_linear, output Level level)
-{
-  Level end = counts_level(counts, counts.first << counts.levels, width, height, is_linear);
+  int texels = texels_before(counts, counts.first << counts.levels, width, height, is_linear);
   level.log_width = 4;
-  while (level.log_width < 13 && (1 << (2 * level.log_width)) < end.first) {
+  while (level.log_width < 13 && (1 << (2 * level.log_width)) < texels) {
     level.log_width += 1;
   }
   int rows = 1;
-  while ((rows << level.log_width) < end.first) {
+  while ((rows << level.log_width) < texels) {
     rows *= 2;
   }
   level.inverse_width = 1.0 / (1 << level.log_width);
   level.inverse_height = 1.0 / rows;
+  return level;
 }
 
-/* The level for a footprint; its block is 0 where there is none: too near, or bins too wide for the lobe. lobe: alpha and
- * a share of the light's size, the narrowest of the hints. */
-Level far_level(Counts counts, Footprint footprint, int width, int height, int is_linear, float strength, float lobe)
+/* Side of the blocks for a footprint; 0: too near for the counts. */
+int far_block(Counts counts, Footprint footprint)
 {
-  Level level;
-  level.block = 0;
   int block = counts.first;
   int last = counts.first << (counts.levels - 1);
   float u_side = 2.0 * hypot(footprint.ux, footprint.uy);
   float v_side = 2.0 * hypot(footprint.vx, footprint.vy);
-  if (block == 0 || block > FAR_SIDE * footprint.short_axis) {
-    return level;
+  if (block == 0 || block > FAR_SIDE_FIRST * footprint.short_axis) {
+    return 0;
   }
   while (block < last && (2 * block <= FAR_SIDE * footprint.short_axis ||
                           (u_side / (2 * block) + 1.0) * (v_side / (2 * block) + 1.0) > FAR_GROUPS)) {
     block *= 2;
   }
-  vector bin = abs(strength) * (counts.high - counts.low) / (level_corners(block, is_linear) - 1);
-  if (max(bin[0], bin[1]) > (is_linear ? FAR_BIN_LINEAR : FAR_BIN_CLOSEST) * lobe) {
-    return level;
-  }
-  level = counts_level(counts, block, width, height, is_linear);
-  counts_size(counts, width, height, is_linear, level);
-  return level;
+  return block > FAR_SIDE_LONG * footprint.short_axis ? 0 : block;
 }
 
 /* The cells of one hint: whole bins around its half vector. */
@@ -125,23 +126,32 @@ struct Cells {
   float a22;
 };
 
-/* Cells across a region: as many as `hints` hints may have of the closures. A lattice of spacing d within a circle of
- * diameter D d has at most 24, 24, 16, 14, 10, 9, 7, 7 points for these D. */
+/* Cells across a region: as many as `hints` hints may have of the closures. Selected are cells whose middle lies within
+ * half a cell of the region; a lattice of spacing d within a circle of diameter (D + 1) d has at most 24, 24, 16, 14, 10,
+ * 9, 7, 7 points for these D. */
 float far_cells(int hints)
 {
-  return hints <= 2 ? 5.0 : hints == 3 ? 4.0 : hints == 4 ? 3.5 : hints <= 6 ? 2.9 : 2.5;
+  return hints <= 2 ? 4.0 : hints == 3 ? 3.0 : hints == 4 ? 2.5 : hints <= 6 ? 1.9 : 1.5;
 }
 
-/* Lay the cells of a hint along one slope: an odd number of them, the half vector about in the middle one. */
-void lay_cells(float centre, float reach, float across, output int count, output int start, output int stride)
+/* Lay the cells of a hint along one slope. shift: uniform in 0..1, where the half vector lies in its cell: the sum of the
+ * cells' lobes is a little higher at their middles, by 3 % where they are 2 alpha wide. */
+void lay_cells(float centre, float reach, float across, float shift, output int count, output int start, output int stride)
 {
   stride = (int)max(ceil(2.0 * reach / across), 1.0);
-  count = 2 * (int)ceil(reach / stride - 0.5) + 1;
-  start = (int)floor(centre - 0.5 * count * stride + 0.5);
+  count = 2 * (int)ceil(reach / stride) + 1;
+  start = (int)floor(centre - (0.5 * count - 0.5 + shift) * stride + 0.5);
+}
+
+/* Radius of a hint's region in the plane of incidence. */
+float region_inward(HalfVector hint, float alpha)
+{
+  float region = REGION * alpha;
+  return region + (hint.radius - region) * dot(hint.h, I);
 }
 
 /* The cells around one hint, by the dual basis of its three forms. */
-Cells far_cells_of(HalfVector hint, int hint_count, Counts counts, Level level, float strength)
+Cells far_cells_of(HalfVector hint, float alpha, int hint_count, Counts counts, Level level, float strength, vector shift)
 {
   Cells cells;
   vector g1 = cross(hint.f2, hint.f3);
@@ -165,22 +175,30 @@ Cells far_cells_of(HalfVector hint, int hint_count, Counts counts, Level level, 
   cells.a12 = bins[0] / gain * (g2[0] - s1 * g2[2]) / g3[2];
   cells.a21 = bins[1] / gain * (g1[1] - s2 * g1[2]) / g3[2];
   cells.a22 = bins[1] / gain * (g2[1] - s2 * g2[2]) / g3[2];
-  cells.reach1 = hint.radius * hypot(cells.a11, cells.a12);
-  cells.reach2 = hint.radius * hypot(cells.a21, cells.a22);
+  /* The region: an ellipse, because an angle between lights is one between half vectors of half as much in the plane of
+   * incidence, of more across (see half_vector). */
+  float inward = region_inward(hint, alpha);
+  float x = dot(hint.t1, I);
+  float y = dot(hint.t2, I);
+  float scale = 1.0 / max(hypot(x, y), 1e-6);
+  x *= scale;
+  y *= scale;
+  cells.reach1 = hypot(inward * (x * cells.a11 + y * cells.a12), hint.radius * (x * cells.a12 - y * cells.a11));
+  cells.reach2 = hypot(inward * (x * cells.a21 + y * cells.a22), hint.radius * (x * cells.a22 - y * cells.a21));
   float across = far_cells(hint_count);
-  lay_cells(cells.centre1, cells.reach1, across, cells.columns, cells.start1, cells.stride1);
-  lay_cells(cells.centre2, cells.reach2, across, cells.rows, cells.start2, cells.stride2);
+  lay_cells(cells.centre1, cells.reach1, across, shift[0], cells.columns, cells.start1, cells.stride1);
+  lay_cells(cells.centre2, cells.reach2, across, shift[1], cells.rows, cells.start2, cells.stride2);
   return cells;
 }
 
-/* Whether cell (i, j) of hint k is selected: its middle lies in the region, and no earlier hint's cells touch it, or
+/* Whether cell (i, j) of hint k is selected: its middle lies in or beside the region, and no earlier hint's cells touch it, or
  * elements would count twice. */
 int cell_is_selected(Cells cells[8], int k, int i, int j)
 {
   float low1 = cells[k].start1 + i * cells[k].stride1;
   float low2 = cells[k].start2 + j * cells[k].stride2;
-  float x = (low1 + 0.5 * cells[k].stride1 - cells[k].centre1) / max(cells[k].reach1, 0.5);
-  float y = (low2 + 0.5 * cells[k].stride2 - cells[k].centre2) / max(cells[k].reach2, 0.5);
+  float x = (low1 + 0.5 * cells[k].stride1 - cells[k].centre1) / (cells[k].reach1 + 0.5 * cells[k].stride1);
+  float y = (low2 + 0.5 * cells[k].stride2 - cells[k].centre2) / (cells[k].reach2 + 0.5 * cells[k].stride2);
   int selected = x * x + y * y < 1.0;
   for (int h = 0; h < k && selected; ++h) {
     selected = low1 >= cells[h].start1 + cells[h].columns * cells[h].stride1 ||
@@ -237,16 +255,16 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
                               float shift_1, float shift_2, closure color remainder, output int visited,
                               output int closures)
 {
-  /* Weights are those of blocks' middles, so the kernel is narrower by a block's own spread, as far as it meets a
-   * middle everywhere. */
+  /* A block weighs what the kernel does at its middle, so the kernel is narrower by a block's own spread and that of the
+   * weights, as far as it meets a middle everywhere. */
   float block_u = 0.5 * level.group_u;
   float block_v = 0.5 * level.group_v;
-  float own = block_u * block_v / (12.0 * KERNEL_VARIANCE);
-  float narrower = min((footprint.short_axis * footprint.short_axis - 0.5625 * block_u * block_v) / own, 1.0) /
-                   (12.0 * KERNEL_VARIANCE);
-  float suu = footprint.ux * footprint.ux + footprint.uy * footprint.uy - narrower * block_u * block_u;
+  float own = 2.0 / (12.0 * KERNEL_VARIANCE);
+  float block2 = block_u * block_v;
+  own *= min((footprint.short_axis * footprint.short_axis - 0.5625 * block2) / (own * block2), 1.0);
+  float suu = footprint.ux * footprint.ux + footprint.uy * footprint.uy - own * block_u * block_u;
   float suv = footprint.ux * footprint.vx + footprint.uy * footprint.vy;
-  float svv = footprint.vx * footprint.vx + footprint.vy * footprint.vy - narrower * block_v * block_v;
+  float svv = footprint.vx * footprint.vx + footprint.vy * footprint.vy - own * block_v * block_v;
   float determinant = suu * svv - suv * suv;
   float quu = svv / determinant;
   float quv = -suv / determinant;
@@ -255,113 +273,185 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
   float reach_v = sqrt(svv) - 0.5 * block_v;
   int first_column = (int)floor((u - reach_u) / level.group_u);
   int first_row = (int)floor((v - reach_v) / level.group_v);
-  int columns = (int)floor((u + reach_u) / level.group_u) - first_column + 1;
-  int rows = (int)floor((v + reach_v) / level.group_v) - first_row + 1;
+  int group_columns = (int)floor((u + reach_u) / level.group_u) - first_column + 1;
+  int group_rows = (int)floor((v + reach_v) / level.group_v) - first_row + 1;
   /* Beyond the largest blocks: groups at random points of the footprint stand for all. */
-  int is_random = columns * rows > 2 * FAR_GROUPS;
-  int groups = !is_random ? columns * rows : level.columns * level.rows == 1 ? 1 : FAR_GROUPS;
+  int is_random = group_columns * group_rows > 2 * FAR_GROUPS;
+  int groups = !is_random ? group_columns * group_rows : level.columns * level.rows == 1 ? 1 : FAR_GROUPS;
 
   closure color sum = remainder;
   for (int k = 0; k < hint_count; ++k) {
-    if (cells[k].columns == 0) {
-      continue;
-    }
-    float mass[25];
-    for (int c = 0; c < cells[k].columns * cells[k].rows; ++c) {
-      mass[c] = 0;
-    }
-    float total = 0;
-    for (int g = 0; g < groups; ++g) {
-      int column = first_column + g % columns;
-      int row = first_row + g / columns;
-      color weight = 1.0;
-      float last_weight = 1.0;
-      if (is_random) {
-        float x, y;
-        float first = shift_1 + g * PLASTIC_1;
-        float second = shift_2 + g * PLASTIC_2;
-        footprint_sample(first - floor(first), second - floor(second), x, y);
-        column = (int)floor((u + footprint.ux * x + footprint.uy * y) / level.group_u);
-        row = (int)floor((v + footprint.vx * x + footprint.vy * y) / level.group_v);
-      }
-      else {
-        /* The four blocks' middles. */
-        float du = (column + 0.25) * level.group_u - u;
-        float dv = (row + 0.25) * level.group_v - v;
-        float right = du + block_u;
-        float up = dv + block_v;
-        weight = color(footprint_kernel(quu * du * du + 2.0 * quv * du * dv + qvv * dv * dv),
-                       footprint_kernel(quu * right * right + 2.0 * quv * right * dv + qvv * dv * dv),
-                       footprint_kernel(quu * du * du + 2.0 * quv * du * up + qvv * up * up));
-        last_weight = footprint_kernel(quu * right * right + 2.0 * quv * right * up + qvv * up * up);
-      }
-      float group_weight = weight[0] + weight[1] + weight[2] + last_weight;
-      if (group_weight > 0.0) {
-        total += group_weight * block_u * block_v;
-        visited += 1;
-        int shift1, shift2;
-        cell_shift(hints[k], cells[k], (column + 0.5) * level.group_u - u, (row + 0.5) * level.group_v - v, shift1,
-                   shift2);
-        int group = wrapped(row, level.rows) * level.columns + wrapped(column, level.columns);
-        int texel = level.first + group * level.corners * level.corners;
-        float below[6];
-        for (int j = 0; j <= cells[k].rows; ++j) {
-          int corner_row = clamp(cells[k].start2 + j * cells[k].stride2 + shift2, 0, level.corners - 1);
-          int row_texel = texel + corner_row * level.corners;
-          float left = 0;
-          float left_below = 0;
-          for (int i = 0; i <= cells[k].columns; ++i) {
-            int index = row_texel + clamp(cells[k].start1 + i * cells[k].stride1 + shift1, 0, level.corners - 1);
-            float last = 0;
-            color corner = texture(map.counts.table, ((index & ((1 << level.log_width) - 1)) + 0.5) * level.inverse_width,
-                                   ((index >> level.log_width) + 0.5) * level.inverse_height, 0, 0, 0, 0, "alpha", last);
-            float value = dot((vector)weight, (vector)corner) + last_weight * last;
-            if (i > 0 && j > 0) {
-              mass[(j - 1) * cells[k].columns + i - 1] += value - left - below[i] + left_below;
-            }
-            left_below = below[i];
-            below[i] = value;
-            left = value;
-          }
-        }
-        map.fetches += (cells[k].columns + 1) * (cells[k].rows + 1);
-      }
-    }
-
-    /* Spread of a cell, in slopes around the half vector, and of a group's turn. */
+    /* Slope around the half vector per bin. */
     float inverse = 1.0 / (cells[k].a11 * cells[k].a22 - cells[k].a12 * cells[k].a21);
     float p11 = cells[k].a22 * inverse;
     float p12 = -cells[k].a12 * inverse;
     float p21 = -cells[k].a21 * inverse;
     float p22 = cells[k].a11 * inverse;
-    float spread1 = cells[k].stride1 * UNIFORM_DEVIATION;
-    float spread2 = cells[k].stride2 * UNIFORM_DEVIATION;
-    float turn_u1 = level.group_u * UNIFORM_DEVIATION * hints[k].shift_u1;
-    float turn_v1 = level.group_v * UNIFORM_DEVIATION * hints[k].shift_v1;
-    float turn_u2 = level.group_u * UNIFORM_DEVIATION * hints[k].shift_u2;
-    float turn_v2 = level.group_v * UNIFORM_DEVIATION * hints[k].shift_v2;
-    float c11 = p11 * p11 * spread1 * spread1 + p12 * p12 * spread2 * spread2 + turn_u1 * turn_u1 + turn_v1 * turn_v1;
-    float c12 = p11 * p21 * spread1 * spread1 + p12 * p22 * spread2 * spread2 + turn_u1 * turn_u2 + turn_v1 * turn_v2;
-    float c22 = p21 * p21 * spread1 * spread1 + p22 * p22 * spread2 * spread2 + turn_u2 * turn_u2 + turn_v2 * turn_v2;
-    vector bin = (map.counts.high - map.counts.low) / (level.corners - 1.0);
-    for (int j = 0; j < cells[k].rows; ++j) {
-      for (int i = 0; i < cells[k].columns; ++i) {
-        float w = mass[j * cells[k].columns + i] / total;
-        if (w > 0.0 && cell_is_selected(cells, k, i, j)) {
-          if (w < LEAST_WEIGHT) {
-            w = (float)hashnoise(point(shift_1, shift_2, k * 25 + j * cells[k].columns + i)) * LEAST_WEIGHT < w ?
-                    LEAST_WEIGHT : 0.0;
+
+    /* Once over the hint's cells, and once more over parts of the one that holds most, if it stands out. */
+    int columns = cells[k].columns;
+    int rows = cells[k].rows;
+    int start1 = cells[k].start1;
+    int start2 = cells[k].start2;
+    int stride1 = cells[k].stride1;
+    int stride2 = cells[k].stride2;
+    int end1 = start1 + columns * stride1;
+    int end2 = start2 + rows * stride2;
+    int passes = columns > 0;
+    for (int pass = 0; pass < passes; ++pass) {
+      /* Sums over groups of mass, of mass times bin, and of mass times its square. */
+      float mass[49];
+      float first1[49];
+      float first2[49];
+      float square1[49];
+      float square2[49];
+      for (int c = 0; c < columns * rows; ++c) {
+        mass[c] = 0;
+        first1[c] = 0;
+        first2[c] = 0;
+        square1[c] = 0;
+        square2[c] = 0;
+      }
+      float total = 0;
+      float spread_u = 0;
+      float spread_v = 0;
+      for (int g = 0; g < groups; ++g) {
+        int column = first_column + g % group_columns;
+        int row = first_row + g / group_columns;
+        color weight = 1.0;
+        float last_weight = 1.0;
+        if (is_random) {
+          float x, y;
+          float first = shift_1 + g * PLASTIC_1;
+          float second = shift_2 + g * PLASTIC_2;
+          footprint_sample(first - floor(first), second - floor(second), x, y);
+          column = (int)floor((u + footprint.ux * x + footprint.uy * y) / level.group_u);
+          row = (int)floor((v + footprint.vx * x + footprint.vy * y) / level.group_v);
+        }
+        else {
+          /* The four blocks' middles. */
+          float du = (column + 0.25) * level.group_u - u;
+          float dv = (row + 0.25) * level.group_v - v;
+          float right = du + block_u;
+          float up = dv + block_v;
+          weight = color(footprint_kernel(quu * du * du + 2.0 * quv * du * dv + qvv * dv * dv),
+                         footprint_kernel(quu * right * right + 2.0 * quv * right * dv + qvv * dv * dv),
+                         footprint_kernel(quu * du * du + 2.0 * quv * du * up + qvv * up * up));
+          last_weight = footprint_kernel(quu * right * right + 2.0 * quv * right * up + qvv * up * up);
+        }
+        float group_weight = weight[0] + weight[1] + weight[2] + last_weight;
+        if (group_weight > 0.0) {
+          float middle_u = (column + 0.5) * level.group_u - u;
+          float middle_v = (row + 0.5) * level.group_v - v;
+          int shift1, shift2;
+          cell_shift(hints[k], cells[k], middle_u, middle_v, shift1, shift2);
+          /* What is seen of the group is turned by the mean of its blocks, and spread around it. */
+          float right_share = (weight[1] + last_weight) / group_weight;
+          float up_share = (weight[2] + last_weight) / group_weight;
+          middle_u += (right_share - 0.5) * block_u;
+          middle_v += (up_share - 0.5) * block_v;
+          float turn1 = middle_u * hints[k].shift_u1 + middle_v * hints[k].shift_v1;
+          float turn2 = middle_u * hints[k].shift_u2 + middle_v * hints[k].shift_v2;
+          float turned1 = cells[k].a11 * turn1 + cells[k].a12 * turn2 - cells[k].centre1;
+          float turned2 = cells[k].a21 * turn1 + cells[k].a22 * turn2 - cells[k].centre2;
+          total += group_weight;
+          spread_u += group_weight * right_share * (1.0 - right_share);
+          spread_v += group_weight * up_share * (1.0 - up_share);
+          visited += 1;
+
+          int group = wrapped(row, level.rows) * level.columns + wrapped(column, level.columns);
+          int texel = level.first + group * level.corners * level.corners;
+          float below[8];
+          int corner_below = 0;
+          for (int j = 0; j <= rows; ++j) {
+            int corner_row = clamp(min(start2 + j * stride2, end2) + shift2, 0, level.corners - 1);
+            int row_texel = texel + corner_row * level.corners;
+            float y = 0.5 * (corner_below + corner_row) + turned2;
+            float y2 = y * y + (corner_row - corner_below) * (corner_row - corner_below) / 12.0;
+            float left = 0;
+            float left_below = 0;
+            int corner_left = 0;
+            for (int i = 0; i <= columns; ++i) {
+              int corner_column = clamp(min(start1 + i * stride1, end1) + shift1, 0, level.corners - 1);
+              int index = row_texel + corner_column;
+              float last = 0;
+              color corner = texture(map.counts.table,
+                                     ((index & ((1 << level.log_width) - 1)) + 0.5) * level.inverse_width,
+                                     ((index >> level.log_width) + 0.5) * level.inverse_height, 0, 0, 0, 0, "alpha", last);
+              float value = dot((vector)weight, (vector)corner) + last_weight * last;
+              if (i > 0 && j > 0) {
+                float m = value - left - below[i] + left_below;
+                if (m > 0.0) {
+                  int c = (j - 1) * columns + i - 1;
+                  float x = 0.5 * (corner_left + corner_column) + turned1;
+                  mass[c] += m;
+                  first1[c] += m * x;
+                  first2[c] += m * y;
+                  square1[c] += m * (x * x + (corner_column - corner_left) * (corner_column - corner_left) / 12.0);
+                  square2[c] += m * y2;
+                }
+              }
+              left_below = below[i];
+              below[i] = value;
+              left = value;
+              corner_left = corner_column;
+            }
+            corner_below = corner_row;
           }
-          vector slope = map.counts.low + bin * vector(cells[k].start1 + (i + 0.5) * cells[k].stride1,
-                                                   cells[k].start2 + (j + 0.5) * cells[k].stride2, 0.0);
-          vector n = strengthened(normalize(vector(slope[0], slope[1], 1.0)), map.strength);
-          float p1, p2;
-          if (w > 0.0 && hint_slope(hints[k], n, 0, 0, p1, p2)) {
+          map.fetches += (columns + 1) * (rows + 1);
+        }
+      }
+      spread_u = (spread_u / total + 1.0 / 12.0) * block_u * block_u;
+      spread_v = (spread_v / total + 1.0 / 12.0) * block_v * block_v;
+
+      /* A cell that holds so much of all is looked at again: there the map is flat, or scratched one way. */
+      int largest = -1;
+      if (pass == 0 && stride1 * stride2 > 1) {
+        float all = 0;
+        for (int c = 0; c < columns * rows; ++c) {
+          all += mass[c];
+          largest = largest < 0 || mass[c] > mass[largest] ? c : largest;
+        }
+        if (mass[largest] < PEAK_SHARE * all || !cell_is_selected(cells, k, largest % columns, largest / columns)) {
+          largest = -1;
+        }
+      }
+      for (int c = 0; c < columns * rows; ++c) {
+        float w = mass[c] / (total * block_u * block_v);
+        if (w > 0.0 && c != largest && (pass > 0 || cell_is_selected(cells, k, c % columns, c / columns))) {
+          if (w < LEAST_WEIGHT) {
+            w = (float)hashnoise(point(shift_1, shift_2, (2 * k + pass) * 49 + c)) * LEAST_WEIGHT < w ? LEAST_WEIGHT : 0.0;
+          }
+          float x = first1[c] / mass[c];
+          float y = first2[c] / mass[c];
+          float xx = max(square1[c] / mass[c] - x * x, 0.0);
+          float yy = max(square2[c] / mass[c] - y * y, 0.0);
+          float p1 = p11 * x + p12 * y;
+          float p2 = p21 * x + p22 * y;
+          float c11 = p11 * p11 * xx + p12 * p12 * yy + spread_u * hints[k].shift_u1 * hints[k].shift_u1 +
+                      spread_v * hints[k].shift_v1 * hints[k].shift_v1;
+          float c12 = p11 * p21 * xx + p12 * p22 * yy + spread_u * hints[k].shift_u1 * hints[k].shift_u2 +
+                      spread_v * hints[k].shift_v1 * hints[k].shift_v2;
+          float c22 = p21 * p21 * xx + p22 * p22 * yy + spread_u * hints[k].shift_u2 * hints[k].shift_u2 +
+                      spread_v * hints[k].shift_v2 * hints[k].shift_v2;
+          if (w > 0.0) {
             /* In this order: Cycles flattens sum + x only 16 deep and drops the rest. */
+            w *= merged_reflection(hints[k], alpha, p1, p2, c11, c12, c22);
             sum = w * glint_closure(distribution, hints[k], alpha, p1, p2, c11, c12, c22) + sum;
             closures += 1;
           }
         }
+      }
+      if (largest >= 0) {
+        passes = 2;
+        start1 += largest % columns * stride1;
+        start2 += largest / columns * stride2;
+        end1 = start1 + stride1;
+        end2 = start2 + stride2;
+        stride1 = (int)ceil(stride1 / (float)PEAK_PARTS);
+        stride2 = (int)ceil(stride2 / (float)PEAK_PARTS);
+        columns = (end1 - start1 + stride1 - 1) / stride1;
+        rows = (end2 - start2 + stride2 - 1) / stride2;
       }
     }
   }

@@ -73,6 +73,7 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
         c11 = max(s.cell_c11[k] / weight - p1 * p1, 0.0);
         c12 = s.cell_c12[k] / weight - p1 * p2;
         c22 = max(s.cell_c22[k] / weight - p2 * p2, 0.0);
+        w *= merged_reflection(hints[hint], alpha, p1, p2, c11, c12, c22);
       }
       /* In this order: Cycles flattens sum + x only 16 deep and drops the rest. */
       sum = w * glint_closure(distribution, hints[hint], alpha, p1, p2, c11, c12, c22) + sum;
@@ -147,18 +148,27 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
 
   /* Far away counts of blocks, else the elements themselves. The remainder is the sample's own normal, unless it is
    * among what they select. */
-  float lobe = LARGEST_REGION;
-  for (int k = 0; k < hint_count; ++k) {
-    lobe = min(lobe, hints[k].radius / REGION);
-  }
-  Level level = far_level(map.counts, footprint, map.width, map.height, map.is_linear, map.strength, lobe);
+  Level level;
   Cells cells[8];
-  int is_selected = 0;
-  if (level.block > 0) {
-    mode = MODE_COUNTS;
+  vector shift = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
+  level.block = far_block(map.counts, footprint);
+  int last_block = level.block == 0 ? 0 : min(2 * level.block, map.counts.first << (map.counts.levels - 1));
+  int fits = 0;
+  for (int block = level.block; block > 0 && block <= last_block && !fits; block *= 2) {
+    /* Larger blocks have narrower bins. */
+    level = counts_level(map.counts, block, map.width, map.height, map.is_linear);
+    float least = 1e30;
     for (int k = 0; k < hint_count; ++k) {
-      cells[k] = far_cells_of(hints[k], hint_count, map.counts, level, map.strength);
+      cells[k] = far_cells_of(hints[k], alpha, hint_count, map.counts, level, map.strength, shift);
+      if (cells[k].columns > 0) {
+        least = min(least, min(cells[k].reach1, cells[k].reach2));
+      }
     }
+    fits = least > (map.is_linear ? FAR_REACH_LINEAR : FAR_REACH_CLOSEST);
+  }
+  int is_selected = 0;
+  if (fits) {
+    mode = MODE_COUNTS;
     is_selected = hit_is_counted(hints, hint_count, cells, level, map, hit);
   }
   else {
@@ -173,7 +183,6 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
 
   int visited = 0;
   closure color sum = 0;
-  vector shift = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
   if (mode == MODE_COUNTS) {
     sum = counts_closures(distribution, alpha, map, level, hints, hint_count, cells, footprint, hit.u, hit.v, shift[0],
                           shift[1], remainder, visited, closures);

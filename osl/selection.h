@@ -109,6 +109,24 @@ void select_element(output Selection s, HalfVector hints[8], int hint, float wei
   add_to_cell(s, cell_index(s.cells, hint, hints[hint].radius, p1, p2), weight, p1, p2, c11, c12, c22);
 }
 
+/* Facets of a normal n reflect by 1 / (n.I), which at grazing views changes across a merged cell: relative to that of the
+ * cell's own normal (slope p, covariance c), the reflection of those facets in it that mirror the hinted light. Their mean
+ * slope is p alpha^2/2 (alpha^2/2 + c)^-1: the product of the cell's spread and the lobe. Without it a view at 8 degrees
+ * gains 8 % where a cell is as wide as 1.25 alpha. 1 for a single facet, and on average over cells around the light. */
+float merged_reflection(HalfVector hint, float alpha, float p1, float p2, float c11, float c12, float c22)
+{
+  float s = 0.5 * alpha * alpha;
+  float determinant = (s + c11) * (s + c22) - c12 * c12;
+  float m1 = s * ((s + c22) * p1 - c12 * p2) / determinant;
+  float m2 = s * ((s + c11) * p2 - c12 * p1) / determinant;
+  float a1 = dot(hint.t1, I);
+  float a2 = dot(hint.t2, I);
+  float height = dot(hint.h, I);
+  float own = (height + a1 * p1 + a2 * p2) / sqrt(1.0 + p1 * p1 + p2 * p2);
+  float met = (height + a1 * m1 + a2 * m2) / sqrt(1.0 + m1 * m1 + m2 * m2);
+  return own > 0.0 && met > 0.0 ? own / met : 1.0;
+}
+
 /* Anisotropic closure of one element or cell: mean slope p and slope covariance c around the half vector. */
 closure color glint_closure(string distribution, HalfVector hint, float alpha, float p1, float p2, float c11, float c12,
                             float c22)
