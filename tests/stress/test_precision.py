@@ -21,12 +21,11 @@ SLOPE = 0.03  # standard deviation: at 2 degrees of sun 4 % of the facets shine,
 SUN = math.radians(2)
 SIDE = 16  # pixels
 NODES = (1024, 2)  # spp, seeds: a percent of the mean
-LOBE = (32, 2)
 ENERGY = 0.01  # relative, of the mean, beside its noise
 LARGEST_Z = 4.0  # deviations of that noise
-# Map (texels a side) and how often a view of SIDE pixels holds it: 7 and 9216 texels a pixel. Whole repeats, so that
-# nothing is lost at the picture's edges.
-NEAR, FAR = (44, 1), (512, 3)
+# Map (texels a side), how often a view of SIDE pixels holds it, and spp and seeds of the lobe: 7 and 9216 texels a
+# pixel. Whole repeats, so that nothing is lost at the picture's edges.
+NEAR, FAR = (44, 1, (128, 2)), (512, 3, (8, 2))
 
 SIZES = ((8192, 64), (1000, 300))  # texels (width, height)
 MIRRORED = ((SIZES[0], "CLOSEST"), (SIZES[0], "LINEAR"), (SIZES[1], "LINEAR"))
@@ -52,10 +51,10 @@ def view(repeats):
 @pytest.mark.parametrize("distance", [NEAR, FAR], ids=["near", "far"])
 @pytest.mark.parametrize("interpolation", ["CLOSEST", "LINEAR"])
 def test_facets_of_a_thousandth_of_a_radian(stress_record, interpolation, distance):
-    texels, repeats = distance
+    texels, repeats, lobe = distance
     make = {"CLOSEST": lambda: maps.flakes(texels, std=SLOPE, seed=6),
             "LINEAR": lambda: maps.bumps(texels, std=SLOPE, width=4.0, seed=6)}
-    outcome = compare(stress_record, view(repeats), normal_map=make[interpolation](), nodes=NODES, lobe=LOBE,
+    outcome = compare(stress_record, view(repeats), normal_map=make[interpolation](), nodes=NODES, lobe=lobe,
                       surface={"roughness": math.sqrt(ALPHA), "interpolation": interpolation}, size=(SIDE, SIDE))
     assert outcome.report["hints"] == ["Sun"]
     noise = abs((outcome.energy - 1.0) / outcome.deviations)
