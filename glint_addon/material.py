@@ -23,18 +23,21 @@ def create_glint_material(
     color=(1.0, 1.0, 1.0),
     strength=1.0,
     uv_map="",
+    extension="REPEAT",
 ) -> bpy.types.Material:
     """A new material whose glints come from `normal_map`, a path or a bpy.types.Image.
 
     roughness 0..1 of a single facet (alpha is its square); distribution 'BECKMANN' or 'GGX'; interpolation 'LINEAR' or
     'CLOSEST'; convention 'OPENGL' (+Y) or 'DIRECTX' (-Y); color linear RGB; strength scales the slopes; uv_map "" is
-    the active render UV map. Colour 1 and strength 1 reproduce Image Texture -> Normal Map -> Glossy BSDF.
+    the active render UV map; extension 'REPEAT', 'EXTEND', 'CLIP' or 'MIRROR', as of an Image Texture node: all but
+    the first are as noisy as Blender's own nodes where a footprint meets the map's edge, and beyond. Colour 1 and
+    strength 1 reproduce Image Texture -> Normal Map -> Glossy BSDF.
     Raises MapError or ShaderError, and then leaves nothing behind. Call `prepare_scene` before rendering.
     """
     _check_values(name, roughness, strength, color, uv_map)
     before = _data_blocks()
     try:
-        group = _bound_group(normal_map, interpolation, convention, distribution, uv_map)
+        group = _bound_group(normal_map, interpolation, convention, distribution, uv_map, extension)
         material = bpy.data.materials.new(name)
         _add_surface(material, group, roughness, color, strength, uv_map)
     except Exception:
@@ -43,14 +46,16 @@ def create_glint_material(
     return material
 
 
-def bound_group(normal_map, *, distribution, interpolation, convention, uv_map) -> bpy.types.ShaderNodeTree:
+def bound_group(
+    normal_map, *, distribution, interpolation, convention, uv_map, extension="REPEAT"
+) -> bpy.types.ShaderNodeTree:
     """The Glint BSDF group that reads `normal_map`, a path or an image, in this way; see `create_glint_material`.
 
     Raises MapError or ShaderError, and then leaves nothing behind.
     """
     before = _data_blocks()
     try:
-        return _bound_group(normal_map, interpolation, convention, distribution, uv_map)
+        return _bound_group(normal_map, interpolation, convention, distribution, uv_map, extension)
     except Exception:
         bpy.data.batch_remove(_data_blocks() - before)
         raise
@@ -104,10 +109,10 @@ def _data_blocks() -> set:
     return {block for kind in kinds for block in kind}
 
 
-def _bound_group(normal_map, interpolation, convention, distribution, uv_map):
+def _bound_group(normal_map, interpolation, convention, distribution, uv_map, extension):
     image = normal_map_image(normal_map)
     _decoded(image, convention)
-    return group_for(MapBinding(image, interpolation, convention, distribution, uv_map))
+    return group_for(MapBinding(image, interpolation, convention, distribution, uv_map, extension))
 
 
 def _decoded(image, convention):

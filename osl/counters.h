@@ -9,3 +9,4 @@
 #define LEFT_NO_FOOTPRINT 6 /* UVs without derivatives */
 #define LEFT_WITHIN_TEXEL 7 /* footprint within a texel (Closest) or patch (Linear) */
 #define LEFT_NOT_REACHED 8  /* no normal of the map mirrors a hinted light here */
+#define LEFT_EDGE 9         /* outside a map that does not repeat, or at its edge */

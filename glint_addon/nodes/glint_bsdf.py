@@ -16,12 +16,13 @@ from .builder import STAMP, add_input, add_node, add_output, arrange, local_grou
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
-VERSION = 3
+VERSION = 4
 SCRIPT_NODE = "Glint"
 LIGHTS_NODE = "Lights"
 DISTRIBUTIONS = ("BECKMANN", "GGX")
 INTERPOLATIONS = ("LINEAR", "CLOSEST")
 CONVENTIONS = ("OPENGL", "DIRECTX")
+EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
 
 
 @dataclass(frozen=True)
@@ -33,12 +34,14 @@ class MapBinding:
     convention: str = "OPENGL"
     distribution: str = "BECKMANN"
     uv_map: str = ""
+    extension: str = "REPEAT"
 
     def __post_init__(self):
         for value, allowed, what in (
             (self.interpolation, INTERPOLATIONS, "Interpolation"),
             (self.convention, CONVENTIONS, "Convention"),
             (self.distribution, DISTRIBUTIONS, "Distribution"),
+            (self.extension, EXTENSIONS, "Extension"),
         ):
             if value not in allowed:
                 raise MapError(f'{what} "{value}" is unknown: use one of {", ".join(allowed)}.')
@@ -83,6 +86,7 @@ def group_binding(group) -> MapBinding:
         group["glint_convention"],
         group["glint_distribution"],
         group["glint_uv_map"],
+        group.get("glint_extension", "REPEAT"),  # groups of version 3 and before have none
     )
 
 
@@ -144,6 +148,7 @@ def _store_binding(group, binding):
     group["glint_convention"] = binding.convention
     group["glint_distribution"] = binding.distribution
     group["glint_uv_map"] = binding.uv_map
+    group["glint_extension"] = binding.extension
     group["glint_table"] = ""
     group["glint_source"] = ""
 
@@ -171,6 +176,7 @@ def _add_nodes(group, binding):
     prefix = f"{binding.uv_map}." if binding.uv_map else "geom:"
     for name, value in {
         "Linear": int(binding.interpolation == "LINEAR"),
+        "Repeats": int(binding.extension == "REPEAT"),
         "GGX": int(binding.distribution == "GGX"),
         "TangentName": f"{prefix}tangent",
         "SignName": f"{prefix}tangent_sign",
@@ -198,7 +204,8 @@ def _add_nodes(group, binding):
 def _add_native_nodes(group, binding, source):
     """Blender's own nodes for the same surface; returns the BSDF output."""
     texture = add_node(group, "ShaderNodeTexImage", "Normal Map Image",
-                       interpolation="Linear" if binding.interpolation == "LINEAR" else "Closest")
+                       interpolation="Linear" if binding.interpolation == "LINEAR" else "Closest",
+                       extension=binding.extension)
     texture.image = binding.image
     normal_map = add_node(group, "ShaderNodeNormalMap", "Tangent Space", uv_map=binding.uv_map,
                           convention=binding.convention)

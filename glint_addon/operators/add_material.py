@@ -76,6 +76,7 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
                 distribution=self.distribution,
                 interpolation=self.interpolation,
                 convention=self.convention,
+                extension=self.extension,
                 color=tuple(self.color),
                 strength=self.strength,
                 uv_map=self.uv_map,

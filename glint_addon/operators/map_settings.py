@@ -46,6 +46,16 @@ class MapSettings:
             ("DIRECTX", "DirectX", "Green points down (Y-)"),
         ),
     )
+    extension: EnumProperty(
+        name="Extension",
+        description="What is outside the map's own square of UVs",
+        items=(
+            ("REPEAT", "Repeat", "The map again: no edge"),
+            ("EXTEND", "Extend", "The map's outermost texels; rendered by Blender's own nodes, from the edge on"),
+            ("CLIP", "Clip", "Nothing: black; the edge is rendered by Blender's own nodes"),
+            ("MIRROR", "Mirror", "The map mirrored; rendered by Blender's own nodes, from the edge on"),
+        ),
+    )
     uv_map: StringProperty(
         name="UV Map", description="UV map that places the normal map; empty takes the one active for rendering"
     )
@@ -71,7 +81,7 @@ class MapSettings:
 
     def draw_map(self, context):
         """The choices, in the Adjust Last Operation panel or a dialog."""
-        for name in ("distribution", "interpolation", "convention"):
+        for name in ("distribution", "interpolation", "convention", "extension"):
             self.layout.prop(self, name)
         if context.object and context.object.type == "MESH":
             self.layout.prop_search(self, "uv_map", context.object.data, "uv_layers")

@@ -14,6 +14,9 @@ WORDS = {
     "CLOSEST": "Closest",
     "OPENGL": "OpenGL",
     "DIRECTX": "DirectX",
+    "EXTEND": "Extend",
+    "CLIP": "Clip",
+    "MIRROR": "Mirror",
 }
 
 
@@ -113,7 +116,9 @@ def draw_maps(layout, context):
             column.label(text="No normal map: pick one below", icon="ERROR")
             continue
         column.label(text=image.name, icon="IMAGE_DATA")
-        words = [WORDS[group[f"glint_{key}"]] for key in ("distribution", "interpolation", "convention")]
+        keys = ("distribution", "interpolation", "convention", "extension")
+        # Repeat is what one expects; it is not said.
+        words = [WORDS[value] for key in keys if (value := group.get(f"glint_{key}", "REPEAT")) != "REPEAT"]
         column.label(text=", ".join(words), icon="BLANK1")
         table = group.get("glint_table", "")
         if table:
