@@ -49,8 +49,7 @@ class MapPlan:
     @property
     def table_bytes(self) -> int:
         """Memory of the table of normals."""
-        layers = 2 if self.interpolation == "LINEAR" else 1
-        return layers * padded_size(self.size[0]) * padded_size(self.size[1]) * TEXEL_BYTES
+        return padded_size(self.size[0]) * padded_size(self.size[1]) * TEXEL_BYTES
 
     @property
     def counts_bytes(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 MIB = 2**20
-DEFAULT_BUDGET = 2048  # MiB: three Linear maps of 4096^2 with all counts
+DEFAULT_BUDGET = 2048  # MiB: four maps of 4096^2 with all counts
 
 
 def fit_budget(plans, budget: float) -> list[str]:

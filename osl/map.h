@@ -13,7 +13,6 @@ struct Map {
   string table;
   int width;
   int height;
-  int layer_rows;
   float inverse_padded_width;
   float inverse_padded_height;
   float strength;

@@ -107,17 +107,19 @@ void visit_patch(output Map map, HalfVector hints[8], int hint_count, float alph
                  float weight, output Selection s)
 {
   /* Skip patches that no half vector can reach, by one fetch. */
-  float ball = 0;
-  map.fetches += 1;
-  vector centre = strengthened(patch_bounds(map.table, map.inverse_padded_width, map.inverse_padded_height,
-                                            map.layer_rows, i, j, ball), map.strength);
-  ball *= max(abs(map.strength), 1.0);
-  int reached = 0;
-  for (int h = 0; h < hint_count && !reached; ++h) {
-    reached = hint_reaches_ball(hints[h], centre, ball, offset_u + 0.5, offset_v + 0.5);
-  }
-  if (!reached) {
-    return;
+  if (patch_has_bounds(map.width, map.height, i, j)) {
+    float ball = 0;
+    map.fetches += 1;
+    vector centre = strengthened(
+        patch_bounds(map.table, map.inverse_padded_width, map.inverse_padded_height, i, j, ball), map.strength);
+    ball *= max(abs(map.strength), 1.0);
+    int reached = 0;
+    for (int h = 0; h < hint_count && !reached; ++h) {
+      reached = hint_reaches_ball(hints[h], centre, ball, offset_u + 0.5, offset_v + 0.5);
+    }
+    if (!reached) {
+      return;
+    }
   }
 
   Patch patch = map_patch(map, i, j);

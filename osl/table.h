@@ -15,13 +15,19 @@ color table_between(string table, float inverse_padded_width, float inverse_padd
   return texture(table, x * inverse_padded_width, y * inverse_padded_height, 0, 0, 0, 0);
 }
 
-/* Bounds of the bilinear patch at texel (i, j), from the layer above: centre, and as radius the distance of the farthest
- * corner. inverse_padded_height is that of the whole texture, layer_rows of one layer. */
-color patch_bounds(string table, float inverse_padded_width, float inverse_padded_height, int layer_rows, int i, int j,
+/* Whether patch_bounds holds for the bilinear patch between texel (i, j) and its right and upper neighbours: not over the
+ * map's edge, and not at texel (0, 0), whose alpha is TABLE_MAGIC. */
+int patch_has_bounds(int width, int height, int i, int j)
+{
+  return i + 1 < width && j + 1 < height && i + j > 0;
+}
+
+/* Bounds of that patch, by one fetch in its middle: the mean of its corners, and as radius no less than the distance of
+ * the farthest, because the alpha of each texel is that of the largest patch that touches it. */
+color patch_bounds(string table, float inverse_padded_width, float inverse_padded_height, int i, int j,
                    output float radius)
 {
-  return texture(table, (i + 0.5) * inverse_padded_width, (j + layer_rows + 0.5) * inverse_padded_height, 0, 0, 0, 0,
-                 "alpha", radius);
+  return texture(table, (i + 1) * inverse_padded_width, (j + 1) * inverse_padded_height, 0, 0, 0, 0, "alpha", radius);
 }
 
 /* Whether the table is there, whole and not shrunk (Blender's Simplify shrinks data textures without a word). */

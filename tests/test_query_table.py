@@ -110,7 +110,7 @@ def test_the_table_of_a_query_says_what_was_measured():
 
 def test_bytes_and_seconds_of_a_bake_are_measured():
     cost = query.bake_cost(flat_map("LINEAR"))
-    assert cost["bytes_a_texel"] == 32.0
+    assert cost["bytes_a_texel"] == 16.0
     assert cost["bake_seconds"] > 0
 
 

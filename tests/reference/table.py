@@ -34,7 +34,13 @@ def table_texel(table, i, j):
     return table[j, i, :3]
 
 
-def patch_bounds(table, layer_rows, i, j):
-    """Centre (..., 3) and radius of the bilinear patch at texel (i, j)."""
-    texel = table[j + layer_rows, i]
-    return texel[..., :3], texel[..., 3]
+def patch_has_bounds(width, height, i, j):
+    """Whether `patch_bounds` holds for the bilinear patch at texel (i, j): inside the map, and not at texel (0, 0)."""
+    return (i + 1 < width) & (j + 1 < height) & (i + j > 0)
+
+
+def patch_bounds(table, i, j):
+    """Centre (..., 3) and radius of the bilinear patch at texel (i, j), as interpolated in its middle."""
+    corners = [table[j + dv, i + du].astype(float) for dv in (0, 1) for du in (0, 1)]
+    middle = np.mean(corners, axis=0)
+    return middle[..., :3], middle[..., 3]
