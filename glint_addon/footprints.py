@@ -18,10 +18,13 @@ from .poses import poses, scene_frames
 # Radius in pixels of the footprint of one of `samples` samples: osl/footprint.h.
 FOOTPRINT_SCALE = 1.1
 FOOTPRINT_EXPONENT = 0.21
-# Largest side of a block relative to the footprint's short semi-axis, for the shader to count blocks: osl/counts.h.
-FAR_SIDE = 1.0
-# Long footprints take larger blocks, not more of them: blocks this much larger are baked too. They are few.
-LONG_FOOTPRINTS = 4.0
+# Largest side of a block relative to the footprint's short semi-axis, for the shader to count blocks: osl/counts.h. The
+# smallest blocks there are serve nearer footprints too, and long footprints take larger blocks, not more of them.
+FAR_SIDE = 0.6
+FAR_SIDE_FIRST = 1.2
+FAR_SIDE_LONG = 2.0
+# Where bins are too wide for the lobe, blocks this much larger are taken, whose bins are narrower: osl/lobe.h.
+NARROWER_BINS = 2.0
 # On both sides: for another number of samples (16 instead of 256: 1.8) or a camera moved a little after preparing.
 MARGIN = 2.0
 EVERYTHING = (0.0, np.inf)
@@ -77,10 +80,10 @@ def counts_levels_reached(footprints, width: int, height: int, interpolation: st
     """
     smallest, largest = footprints
     levels = counts_levels(width, height, interpolation)
-    if not levels or FAR_SIDE * largest < levels[0]:
+    if FAR_SIDE_FIRST * largest < levels[0]:
         return None
     nearest = [block for block in levels if block <= FAR_SIDE * smallest]
-    farthest = [block for block in levels if block <= FAR_SIDE * largest * LONG_FOOTPRINTS]
+    farthest = [block for block in levels if block <= NARROWER_BINS * FAR_SIDE_LONG * largest]
     return max(nearest, default=levels[0]), max(farthest)
 
 

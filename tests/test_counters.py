@@ -12,12 +12,15 @@ from demo_scenes import maps, stage
 from glint_addon import paths
 from glint_addon.material import create_glint_material, glint_groups
 from glint_addon.nodes import glint_lights
+from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
 from glint_addon.prepare import prepare_scene
 
 from .helpers import cycles
 from .helpers.counters import MODES, REASONS, counters, show
 
 LARGEST_VISIT = 4096  # osl/query.h
+LARGEST_GROUPS = 16  # of blocks, read for one light where no slope stands out: FAR_GROUPS of osl/counts.h
+CORNERS = 8  # along a side of the cells of a light, at most: osl/counts.h has room for 7 x 7 cells
 LARGEST_CLOSURES = 61  # the budget of osl/selection.h and the remainder; Cycles keeps 64
 MODE = {name: number for number, name in MODES.items()}
 REASON = {name: number for number, name in REASONS.items()}
@@ -179,17 +182,33 @@ def test_more_samples_mean_smaller_footprints():
 
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
 @pytest.mark.parametrize("suns", [1, 2, 4, 8])
-def test_far_views_visit_and_return_no_more_than_the_bounds(interpolation, suns):
-    seen = counts_of(texels=100, interpolation=interpolation, suns=suns)
-    assert (seen.mode == MODE["SUBSET"]).all()
-    assert (seen.visited == LARGEST_VISIT).all()
+def test_far_views_read_the_counts_of_a_few_blocks_whatever_the_distance(interpolation, suns):
+    near = counts_of(texels=100, interpolation=interpolation, suns=suns)
+    far = counts_of(texels=1600, interpolation=interpolation, suns=suns)
+    for seen in (near, far):
+        assert (seen.mode == MODE["COUNTS"]).all() and seen.share_left_early == 0.0
+        assert (seen.visited >= suns).all() and (seen.visited <= LARGEST_GROUPS * suns).all()
+        corners = seen.fetches - PLAIN_FETCHES - (interpolation == "LINEAR") * 4  # the hit's own patch
+        assert (corners <= CORNERS**2 * seen.visited + SEAM_FETCHES).all()
+        assert 8 < seen.closures.max() <= LARGEST_CLOSURES
+    assert far.visited.mean() <= near.visited.mean() and far.fetches.mean() <= near.fetches.mean()
+
+
+@pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
+def test_far_views_without_counts_visit_and_return_no_more_than_the_bounds(interpolation):
+    scene, _, material = build(texels=100, interpolation=interpolation, suns=2)
+    (group,) = glint_groups(material)
+    group.nodes[SCRIPT_NODE].inputs["CountsFirst"].default_value = 0
+    seen = counters(scene, material)
+    assert (seen.mode == MODE["SUBSET"]).all() and (seen.visited == LARGEST_VISIT).all()
     assert (seen.closures == seen.closures.round()).all()
     assert 8 < seen.closures.max() <= LARGEST_CLOSURES
 
 
 def test_the_shader_and_the_lights_group_agree_on_their_constants():
     """Numbers written in Python and read in OSL."""
-    text = "".join(paths.shader_file(name).read_text() for name in ("light_hint.h", "selection.h", "query.h"))
+    headers = ("light_hint.h", "selection.h", "query.h", "counts.h")
+    text = "".join(paths.shader_file(name).read_text() for name in headers)
     constants = dict(re.findall(r"^#define (\w+) ([\d.]+)$", text, re.MULTILINE))
     kinds = {"NONE": glint_lights.KIND_NONE, "SUN": glint_lights.KIND_SUN, "LOCAL": glint_lights.KIND_LOCAL}
     assert {name: float(constants[f"HINT_{name}"]) for name in kinds} == kinds
@@ -197,3 +216,4 @@ def test_the_shader_and_the_lights_group_agree_on_their_constants():
     assert glint_lights.CLOSURE_COUNT.expression.startswith(f"{constants['CLOSURE_BUDGET']} if ")
     assert int(constants["CLOSURE_BUDGET"]) + 1 == LARGEST_CLOSURES
     assert int(constants["LARGEST_VISIT"]) == LARGEST_VISIT
+    assert int(constants["FAR_GROUPS"]) == LARGEST_GROUPS

@@ -14,6 +14,7 @@ from glint_addon.nodes import script_node
 from glint_addon.poses import poses
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
+from tests.helpers.osl_functions import ROWS, evaluate
 from tests.reference import footprint as reference
 
 SIZE = (1024, 512)  # texels of the map as it is judged; nothing is baked here
@@ -443,18 +444,56 @@ def test_all_objects_cameras_and_uv_maps_widen_the_range(scene, material):
 @pytest.mark.parametrize("interpolation", ["CLOSEST", "LINEAR"])
 def test_the_levels_are_those_of_the_blocks_that_the_shader_takes(interpolation):
     every = counts_levels(4096, 4096, interpolation)
-    first, side = every[0], footprints.FAR_SIDE
+    first = every[0]
 
     def reached(smallest, largest):
-        return counts_levels_reached((smallest / side, largest / side), 4096, 4096, interpolation)
+        return counts_levels_reached((smallest, largest), 4096, 4096, interpolation)
 
     assert reached(0, math.inf) == (first, every[-1])
     assert reached(math.inf, 0) is None
-    assert reached(1, 0.99 * first) is None
-    assert reached(1, first)[0] == first
-    assert reached(2 * first, 2 * first)[0] == 2 * first
-    assert reached(3.9 * first, 4 * first) == (2 * first, 16 * first)
+    assert reached(1, 0.99 * first / 1.2) is None
+    # The smallest blocks serve near footprints; twice 2.0 times the footprint is 3.4 blocks.
+    assert reached(1, 1.01 * first / 1.2) == (first, 2 * first)
+    assert reached(3.9 * first / 0.6, 4 * first / 0.6) == (2 * first, 16 * first)
     assert reached(1e9, 1e9) == (every[-1], every[-1])
+
+
+HEADERS = ("table.h", "normal_frame.h", "footprint.h", "light_hint.h", "map.h", "selection.h", "query.h", "counts.h")
+FAR_BLOCKS = """
+  Footprint footprint;
+  footprint.ux = in[0];
+  footprint.uy = in[1];
+  footprint.vx = in[2];
+  footprint.vy = in[3];
+  footprint.long_axis = in[4];
+  footprint.short_axis = in[5];
+  for (int k = 0; k < 2; ++k) {
+    Counts counts;
+    counts.first = (int)in[6 + 2 * k];
+    counts.levels = (int)in[7 + 2 * k];
+    out[k] = far_block(counts, footprint);
+  }
+"""
+
+
+@pytest.mark.parametrize("interpolation", ["CLOSEST", "LINEAR"])
+def test_with_the_levels_of_its_footprint_a_sample_takes_the_blocks_that_it_takes_with_all(interpolation):
+    every = counts_levels(4096, 4096, interpolation)
+    rng = np.random.default_rng(5)
+    short = 10 ** rng.uniform(0.5, 4.0, ROWS)
+    long = short * 10 ** rng.uniform(0.0, 1.5, ROWS)
+    angle = rng.uniform(0, np.pi, ROWS)
+    axes = [long * np.cos(angle), -short * np.sin(angle), long * np.sin(angle), short * np.cos(angle)]
+    reached = [counts_levels_reached((size, size), 4096, 4096, interpolation) for size in short]
+    ends = [levels or (0, 0) for levels in reached]
+    baked = [(first, every.index(last) - every.index(first) + 1) if last else (0, 0) for first, last in ends]
+    rows = np.column_stack([*axes, long, short, np.tile([every[0], len(every)], (ROWS, 1)), baked])
+    with_all, with_some = evaluate(HEADERS, FAR_BLOCKS, rows, 2).T
+    np.testing.assert_array_equal(with_some, with_all)
+    assert 0.1 < (with_all == 0).mean() < 0.9 and len(np.unique(with_all)) == len(every) + 1
+    # One level up is there too, for narrower bins.
+    above = np.minimum(2 * with_all, every[-1])
+    assert (above <= [last for _, last in ends]).all()
 
 
 def test_a_map_smaller_than_a_block_has_one_level():
@@ -465,4 +504,7 @@ def test_constants_are_those_of_the_shader():
     assert (footprints.FOOTPRINT_SCALE, footprints.FOOTPRINT_EXPONENT) == (
         reference.FOOTPRINT_SCALE, reference.FOOTPRINT_EXPONENT)
     counts = paths.shader_file("counts.h").read_text(encoding="utf-8")
-    assert f"#define FAR_SIDE {footprints.FAR_SIDE}\n" in counts
+    for name in ("FAR_SIDE", "FAR_SIDE_FIRST", "FAR_SIDE_LONG"):
+        assert f"#define {name} {getattr(footprints, name)}\n" in counts
+    lobe = paths.shader_file("lobe.h").read_text(encoding="utf-8")
+    assert f"min({footprints.NARROWER_BINS:g} * level.block" in lobe
