@@ -167,7 +167,8 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
     fits = least > (map.is_linear ? FAR_REACH_LINEAR : FAR_REACH_CLOSEST);
   }
   int is_selected = 0;
-  if (fits) {
+  if (fits && counts_are_intact(map.counts, level)) {
+    map.fetches += 1;
     mode = MODE_COUNTS;
     is_selected = hit_is_counted(hints, hint_count, cells, level, map, hit);
   }

@@ -116,7 +116,7 @@ void select_element(output Selection s, HalfVector hints[8], int hint, float wei
 float merged_reflection(HalfVector hint, float alpha, float p1, float p2, float c11, float c12, float c22)
 {
   float s = 0.5 * alpha * alpha;
-  float determinant = (s + c11) * (s + c22) - c12 * c12;
+  float determinant = max((s + c11) * (s + c22) - c12 * c12, 0.1 * s * s);
   float m1 = s * ((s + c22) * p1 - c12 * p2) / determinant;
   float m2 = s * ((s + c11) * p2 - c12 * p1) / determinant;
   float a1 = dot(hint.t1, I);
@@ -126,6 +126,9 @@ float merged_reflection(HalfVector hint, float alpha, float p1, float p2, float 
   float met = (height + a1 * m1 + a2 * m2) / sqrt(1.0 + m1 * m1 + m2 * m2);
   return own > 0.0 && met > 0.0 ? own / met : 1.0;
 }
+
+/* Of a closure's alpha^2, where its covariance is negative (counts.h). */
+#define LEAST_SHARE 0.5
 
 /* Anisotropic closure of one element or cell: mean slope p and slope covariance c around the half vector. */
 closure color glint_closure(string distribution, HalfVector hint, float alpha, float p1, float p2, float c11, float c12,
@@ -143,11 +146,11 @@ closure color glint_closure(string distribution, HalfVector hint, float alpha, f
 
   /* Spare the anisotropic code where the difference of the axes cannot be seen (1 % of the width). */
   if (radius < 0.01 * alpha2) {
-    float a = sqrt(alpha2 + 2.0 * max(mean, 0.0));
+    float a = sqrt(max(alpha2 + 2.0 * mean, LEAST_SHARE * alpha2));
     return microfacet(distribution, n, vector(0), a, a, 0.0, 0);
   }
   float angle = 0.5 * atan2(off, half_difference);
   vector axis = cos(angle) * hint.t1 + sin(angle) * hint.t2;
-  return microfacet(distribution, n, axis, sqrt(alpha2 + 2.0 * max(mean + radius, 0.0)),
-                    sqrt(alpha2 + 2.0 * max(mean - radius, 0.0)), 0.0, 0);
+  return microfacet(distribution, n, axis, sqrt(max(alpha2 + 2.0 * (mean + radius), LEAST_SHARE * alpha2)),
+                    sqrt(max(alpha2 + 2.0 * (mean - radius), LEAST_SHARE * alpha2)), 0.0, 0);
 }
