@@ -101,8 +101,9 @@ def plain_level(normals, interpolation, block, box):
     return (below / k**2).astype(np.float32)
 
 
-def test_the_corners_are_those_of_the_shader():
+def test_the_corners_and_the_header_are_those_of_the_shader():
     source = paths.shader_file("counts.h").read_text(encoding="utf-8")
+    assert float(re.search(r"^#define COUNTS_MAGIC (\S+)$", source, re.MULTILINE)[1]) == counts.MAGIC
     body = source[source.index("int level_corners") :].partition("\n}\n")[0]
     linear, closest = re.findall(r"return (block .*);", body)
     for interpolation, expression in (("LINEAR", linear), ("CLOSEST", closest)):

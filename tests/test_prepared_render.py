@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -15,6 +16,7 @@ from tests.helpers.extension import write_flake_map
 
 SIZE = 32
 MAP_SIDE = 192  # texels; its table is 256 wide, which the smallest limit of Simplify that we use (128) halves
+REPEATS = 30  # of the map over the plane: a hundred texels a pixel, for a far view
 ROUGHNESS = 0.2
 ROUNDING = 1e-4  # relative to the brightest pixel: the same arithmetic in OSL and in Blender's own nodes
 
@@ -115,6 +117,23 @@ def test_a_damaged_table_leaves_blenders_own_nodes(plane, flake_map, tmp_path, d
     assert_same(cycles.rendered(bpy.context.scene)[..., :3], native_picture(plane, flake_map))
 
 
+@pytest.mark.parametrize("damage", ["deleted", "text", "other"])
+def test_without_whole_counts_a_far_view_is_that_of_the_elements(scene, plane, damage):
+    plane.data.uv_layers[0].uv.foreach_set("vector", np.float32([0, 0, REPEATS, 0, REPEATS, REPEATS, 0, REPEATS]))
+    sockets, with_counts = prepared(plane)
+    first, table = sockets["CountsFirst"].default_value, Path(sockets["CountsTable"].default_value)
+    sockets["CountsFirst"].default_value = 0
+    elements = cycles.rendered(scene)[..., :3]
+    sockets["CountsFirst"].default_value = first
+    assert first > 0 and (with_counts != elements).any()
+    if damage == "deleted":
+        table.unlink()
+    else:
+        content = {"text": b"no table", "other": Path(sockets["Table"].default_value).read_bytes()}
+        table.write_bytes(content[damage])
+    np.testing.assert_array_equal(cycles.rendered(scene)[..., :3], elements)
+
+
 @pytest.mark.parametrize("limit", ["128", "256", "512"])
 def test_a_texture_size_limit_leaves_blenders_own_nodes_or_a_whole_table(plane, flake_map, limit):
     scene = bpy.context.scene
@@ -122,8 +141,8 @@ def test_a_texture_size_limit_leaves_blenders_own_nodes_or_a_whole_table(plane, 
     scene.render.use_simplify = True
     scene.cycles.texture_limit_render = limit
     limited = cycles.rendered(scene)[..., :3]
-    if int(limit) >= 512:
-        # Larger than both sides of the table (256 x 512): nothing is shrunk.
+    if int(limit) >= 256:
+        # No smaller than the sides of the table (256 x 256): nothing is shrunk.
         np.testing.assert_array_equal(limited, with_table)
     else:
         # Blender shrinks its own normal map as well.
