@@ -80,9 +80,9 @@ def nodes_osl_microseconds(name) -> float:
 
 
 def table_bytes(scene) -> int:
-    """Bytes of the files of all glint tables of the scene; 0 for Blender's nodes."""
-    tables = {group["glint_table"] for group in scene_glint_groups(scene)}
-    return sum(Path(table).stat().st_size for table in tables)
+    """Bytes of the files of all glint tables and counts of the scene; 0 for Blender's nodes."""
+    names = {group.get(key, "") for group in scene_glint_groups(scene) for key in ("glint_table", "glint_counts")}
+    return sum(Path(name).stat().st_size for name in names if name)
 
 
 def store(name, result, file=FILE):
