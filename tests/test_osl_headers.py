@@ -450,3 +450,55 @@ def test_every_slope_of_a_region_has_a_cell_of_its_hint():
     clear = selection.cell_margin(cells, radius, slopes) > MARGIN
     assert clear.mean() > 0.98
     np.testing.assert_array_equal(osl[clear, 1], selection.cell_index(cells, hint, radius, slopes)[clear])
+
+
+# --- query.h ---
+
+VISIT_SIZE = (11, 7)  # texels, neither a power of two: the padded table has other things beyond the edge
+VISIT_BODY = """
+  Map map;
+  map.table = "{file}"; map.width = {width}; map.height = {height};
+  map.inverse_padded_width = 1.0 / padded_size({width}); map.inverse_padded_height = 1.0 / padded_size({height});
+  map.strength = in[16]; map.is_linear = 1; map.fetches = 0;
+  HalfVector hints[8];
+  hints[0] = hint;
+  Selection s;
+  s.count = 0; s.merged = 0; s.cells = hint_cells(1);
+  visit_patch(map, hints, 1, 0.01, MODE_POINTS, (int)in[17], (int)in[18], -in[19], -in[20], in[19], in[20], 0, 0, 0, 0,
+              1.0, s);
+  out[0] = s.count; out[1] = map.fetches;
+"""
+
+
+def test_a_visit_skips_no_patch_whose_normal_is_in_the_region_at_the_edges_of_the_map_too(tmp_path):
+    rng = np.random.default_rng(11)
+    width, height = VISIT_SIZE
+    slopes = 0.4 * rng.normal(size=(height, width, 2))
+    normals = np.append(slopes, np.ones((height, width, 1)), axis=2).astype(np.float32)
+    file, _ = bake.bake_table(normals, tmp_path, interpolation="LINEAR")
+
+    # Points of all patches, and hints whose region's rim is around the normal there.
+    i, j = np.arange(ROWS) % width, np.arange(ROWS) // width % height
+    strength, a, b = rng.uniform(-2, 3, ROWS), rng.random(ROWS), rng.random(ROWS)
+    strength, a, b = (values.astype(np.float32).astype(float) for values in (strength, a, b))
+    patch = np.stack([normals[(j + dv) % height, (i + du) % width] for du, dv in normal_map.CORNERS], axis=1)
+    patch = table.strengthened(patch, strength[:, None])
+    h = unit(normal_map.patch_normal(patch, a, b))
+    first = unit(np.cross(h, rng.normal(size=(ROWS, 3))))
+    radius = rng.uniform(0.02, 0.3, ROWS)
+    slope = radius[:, None] * rng.uniform(-1, 1, (ROWS, 2))
+    forms = np.stack([first + slope[:, :1] * h, np.cross(h, first) + slope[:, 1:] * h, h], axis=1)
+    shift = 0.02 * rng.normal(size=(ROWS, 2, 2))
+    hint = light_hint.bounded_half_vector(None, None, forms, shift, radius, np.ones((ROWS, 2)))
+    inputs, (hint.forms, hint.shift, hint.radius, *_) = packed(
+        forms, shift, radius, hint.ball_growth, hint.patch_turn, strength, i, j, a, b)
+    body = HINT_BODY + VISIT_BODY.format(file=file.as_posix(), width=width, height=height)
+    osl = evaluate((*MAP_HEADERS, "selection.h", "query.h"), body, inputs, 2)
+
+    valid, corners, margin = normal_map.patch_slopes(hint, patch, -a, -b)
+    inside, slope = normal_map.patch_slope(hint, corners, a, b)
+    margin = np.minimum(margin, np.abs(np.linalg.norm(slope, axis=1) - hint.radius))
+    assert_flags_agree(osl[:, 0], valid & inside, margin)
+    # One fetch for the bounds, where there are any, and four for the corners of what they do not rule out.
+    bounded = table.patch_has_bounds(width, height, i, j)
+    assert set(osl[bounded, 1]) <= {1, 5} and (osl[~bounded, 1] == 4).all() and not bounded.all()
