@@ -291,8 +291,8 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
   int first_row = (int)floor((v - reach_v) / level.group_v);
   int group_columns = (int)floor((u + reach_u) / level.group_u) - first_column + 1;
   int group_rows = (int)floor((v + reach_v) / level.group_v) - first_row + 1;
-  /* Beyond the largest blocks: groups at random points of the footprint stand for all. */
-  int is_random = group_columns * group_rows > 2 * FAR_GROUPS;
+  /* Beyond the largest blocks: groups at random points of the footprint stand for all. There may be more than an int holds. */
+  int is_random = (float)group_columns * group_rows > 2 * FAR_GROUPS;
   int groups = !is_random ? group_columns * group_rows : level.columns * level.rows == 1 ? 1 : FAR_GROUPS;
 
   closure color sum = remainder;

@@ -25,6 +25,7 @@ Hit map_hit(output Map map, point uv)
     /* Interpolate over the map's edge, where the padded table has other things. */
     Map plain = map;
     plain.strength = 1.0;
+    plain.kept = 0;
     hit.own = patch_normal(hit_patch(plain, hit), hit.u - hit.i, hit.v - hit.j);
     map.fetches = plain.fetches;
   }

@@ -18,6 +18,10 @@ struct Map {
   float strength;
   int is_linear;
   Counts counts;
+  /* Right-hand corners of the last patch that was fetched, which are the left-hand ones of the next in its row. */
+  int kept;    /* number of their column, rows one after the other; from 1 on, 0: none */
+  vector kept_low;
+  vector kept_high;
   int fetches; /* texture() calls so far; costs nothing unless the shader's output Costs is linked */
 };
 
@@ -46,7 +50,8 @@ vector map_own_normal(output Map map, int i, int j)
 
 vector map_normal(output Map map, int i, int j)
 {
-  return strengthened(map_own_normal(map, i, j), map.strength);
+  vector n = map_own_normal(map, i, j);
+  return map.strength == 1.0 ? n : strengthened(n, map.strength);
 }
 
 /* The bilinear patch between texel (i, j) and its right and upper neighbours. */
@@ -62,10 +67,14 @@ Patch map_patch(output Map map, int i, int j)
   int i1 = i + 1 < map.width ? i + 1 : 0;
   int j1 = j + 1 < map.height ? j + 1 : 0;
   Patch patch;
-  patch.n00 = map_normal(map, i, j);
+  int is_kept = map.kept == j * map.width + i + 1;
+  patch.n00 = is_kept ? map.kept_low : map_normal(map, i, j);
+  patch.n01 = is_kept ? map.kept_high : map_normal(map, i, j1);
   patch.n10 = map_normal(map, i1, j);
-  patch.n01 = map_normal(map, i, j1);
   patch.n11 = map_normal(map, i1, j1);
+  map.kept = j * map.width + i1 + 1;
+  map.kept_low = patch.n10;
+  map.kept_high = patch.n11;
   return patch;
 }
 

@@ -1,9 +1,12 @@
 /* The glint query: which elements of the map, within the footprint, can reflect a hinted light into the view.
  *
- * Direct enumeration, bounded: every texel (Closest) or bilinear patch (Linear) under the footprint is visited while
- * there are at most LARGEST_VISIT; beyond that a random subset of that size stands for all, so that far views get
- * noisier, never wrong. One function, glint_query, is all that the shader uses, with its twin hit_is_selected; a faster
- * structure replaces this file.
+ * Near: every texel (Closest) or bilinear patch (Linear) under the footprint is visited while there are at most
+ * LARGEST_VISIT; beyond that a random subset of that size stands for all, so that such views get noisier, never wrong.
+ * Far views are those of counts.h, which take over where a block is about as wide as the footprint: a visit costs 50 ns
+ * (35 of them the fetch), so 4096 of them 200 us, where the counts take 5 to 15 us at any distance. Measured against that
+ * and left: blocks of slope-sorted elements with prefix counts, whose candidates cost two fetches each and are two to five
+ * times the elements that matter; bounds of 4 x 4 patches, which 40 % of those of bumps 8 texels wide pass. One function,
+ * glint_query, is all that the shader uses, with its twin hit_is_selected.
  */
 
 /* Elements visited a sample at most: 4096 cost about 200 us of one core. Fewer leave noise in views of a thousand texels
@@ -86,24 +89,29 @@ int hit_is_selected(Map map, HalfVector hints[8], int hint_count, float alpha, i
   return 0;
 }
 
-/* Select what one texel holds. A normal belongs to the first hint in whose region it lies, or it would count twice. */
-void visit_texel(output Map map, HalfVector hints[8], int hint_count, int i, int j, float offset_u, float offset_v,
-                 float weight, output Selection s)
+/* Select what one texel holds. A normal belongs to the first hint in whose region it lies, or it would count twice.
+ * first: hints[0] by itself, because each use of an array's element copies the whole struct (a quarter of the time). */
+void visit_texel(output Map map, HalfVector first, HalfVector hints[8], int hint_count, int i, int j, float offset_u,
+                 float offset_v, float weight, output Selection s)
 {
   vector n = map_normal(map, i, j);
-  for (int h = 0; h < hint_count; ++h) {
-    float p1, p2;
+  float p1, p2;
+  if (texel_slope(first, n, offset_u, offset_v, p1, p2)) {
+    select_element(s, hints, 0, weight, p1, p2, 0, 0, 0);
+    return;
+  }
+  for (int h = 1; h < hint_count; ++h) {
     if (texel_slope(hints[h], n, offset_u, offset_v, p1, p2)) {
       select_element(s, hints, h, weight, p1, p2, 0, 0, 0);
-      break;
+      return;
     }
   }
 }
 
 /* Select what one patch holds, or in MODE_POINTS its point (a, b), whose share of the footprint has the deviations
  * (first_a, first_b) and (second_a, second_b). offset: of the patch's lower left corner. */
-void visit_patch(output Map map, HalfVector hints[8], int hint_count, float alpha, int mode, int i, int j, float offset_u,
-                 float offset_v, float a, float b, float first_a, float first_b, float second_a, float second_b,
+void visit_patch(output Map map, HalfVector first, HalfVector hints[8], int hint_count, float alpha, int mode, int i,
+                 int j, float offset_u, float offset_v, float a, float b, float first_a, float first_b, float second_a, float second_b,
                  float weight, output Selection s)
 {
   /* Skip patches that no half vector can reach, by one fetch. */
@@ -170,6 +178,7 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
   s.cells = hint_cells(hint_count);
   visited = 0;
   float total = 0;
+  HalfVector first = hints[0];
 
   if (mode == MODE_ALL) {
     /* Visit the ellipse quu du^2 + 2 quv du dv + qvv dv^2 < 1 row by row. */
@@ -197,10 +206,10 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
         total += weight;
         visited += 1;
         if (map.is_linear) {
-          visit_patch(map, hints, hint_count, alpha, MODE_ALL, i, j, du - 0.5, dv - 0.5, 0, 0, 0, 0, 0, 0, weight, s);
+          visit_patch(map, first, hints, hint_count, alpha, MODE_ALL, i, j, du - 0.5, dv - 0.5, 0, 0, 0, 0, 0, 0, weight, s);
         }
         else {
-          visit_texel(map, hints, hint_count, i, j, du, dv, weight, s);
+          visit_texel(map, first, hints, hint_count, i, j, du, dv, weight, s);
         }
         i = i + 1 < map.width ? i + 1 : 0;
       }
@@ -217,9 +226,9 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
     float share = min(sqrt(KERNEL_VARIANCE / points), LARGEST_SPREAD / footprint.long_axis);
     for (int k = 0; k < points; ++k) {
       float x, y;
-      float first = shift_1 + k * PLASTIC_1;
-      float second = shift_2 + k * PLASTIC_2;
-      footprint_sample(first - floor(first), second - floor(second), x, y);
+      float a = shift_1 + k * PLASTIC_1;
+      float b = shift_2 + k * PLASTIC_2;
+      footprint_sample(a - floor(a), b - floor(b), x, y);
       float point_u = u + footprint.ux * x + footprint.uy * y;
       float point_v = v + footprint.vx * x + footprint.vy * y;
       float column = floor(point_u);
@@ -229,12 +238,13 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
       total += 1.0;
       visited += 1;
       if (map.is_linear) {
-        visit_patch(map, hints, hint_count, alpha, mode, i, j, column - u, row - v, point_u - column, point_v - row,
-                    share * footprint.ux, share * footprint.vx, share * footprint.uy, share * footprint.vy, 1.0, s);
+        visit_patch(map, first, hints, hint_count, alpha, mode, i, j, column - u, row - v, point_u - column,
+                    point_v - row, share * footprint.ux, share * footprint.vx, share * footprint.uy,
+                    share * footprint.vy, 1.0, s);
       }
       else {
         /* Seen at the point, not at the texel's centre, which may lie far outside a thin footprint. */
-        visit_texel(map, hints, hint_count, i, j, point_u - u, point_v - v, 1.0, s);
+        visit_texel(map, first, hints, hint_count, i, j, point_u - u, point_v - v, 1.0, s);
       }
     }
   }
