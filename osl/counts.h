@@ -5,6 +5,13 @@
  * (a summed-area table: Crow 1984), so that four fetches give the mass of any cell of any size in four blocks. The
  * selection is a set of whole bins; the remainder leaves out exactly these (hit_is_counted), so nothing is lost or
  * counted twice, wherever the cells lie.
+ *
+ * Measured and why this won. Relative RMSE of the NDF of one footprint of radius R, alpha 0.01, slope deviation 0.15, by
+ * numpy: blocks of R / 3 with exact slopes 3 to 4 %, of R / 1.5 6 to 9 %; bins of 0.66 alpha with an exact kernel 4 % at
+ * R = 96 and 7 % at 48 (flakes), 1 and 2 % (bumps 8 texels wide); bins of 2 alpha 8 and 18 %, 5 and 12 %. Blocks of R / 3
+ * whose bins are that narrow would take 100 bytes a texel at R = 96. Lists of elements sorted by slope beat
+ * counts below 100 selected elements, but each candidate costs a fetch of 35 ns, three of them to one that is selected.
+ * Four fetches a cell for one block were 4 times slower than four blocks in one texel.
  */
 
 #define COUNTS_MAGIC 7927.0
@@ -291,7 +298,8 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
   int first_row = (int)floor((v - reach_v) / level.group_v);
   int group_columns = (int)floor((u + reach_u) / level.group_u) - first_column + 1;
   int group_rows = (int)floor((v + reach_v) / level.group_v) - first_row + 1;
-  /* Beyond the largest blocks: groups at random points of the footprint stand for all. There may be more than an int holds. */
+  /* Beyond the largest blocks: groups at random points of the footprint stand for all. (A product
+   * of float: of very far footprints an int overflows.) */
   int is_random = (float)group_columns * group_rows > 2 * FAR_GROUPS;
   int groups = !is_random ? group_columns * group_rows : level.columns * level.rows == 1 ? 1 : FAR_GROUPS;
 
