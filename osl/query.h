@@ -3,10 +3,9 @@
  * Near: every texel (Closest) or bilinear patch (Linear) under the footprint is visited while there are at most
  * LARGEST_VISIT; beyond that a random subset of that size stands for all, so that such views get noisier, never wrong.
  * Far views are those of counts.h, which take over where a block is about as wide as the footprint: a visit costs 50 ns
- * (35 of them the fetch), so 4096 of them 200 us, where the counts take 5 to 15 us at any distance. Measured against that
- * and left: blocks of slope-sorted elements with prefix counts, whose candidates cost two fetches each and are two to five
- * times the elements that matter; bounds of 4 x 4 patches, which 40 % of those of bumps 8 texels wide pass. One function,
- * glint_query, is all that the shader uses, with its twin hit_is_selected.
+ * (35 of them the fetch), so 4096 of them 200 us. Not built, because of the fetch's share: blocks of slope-sorted elements
+ * with prefix counts, whose candidates would cost two fetches each and be two to five times the elements that matter.
+ * One function, glint_query, is all that the shader uses, with its twin hit_is_selected.
  */
 
 /* Elements visited a sample at most: 4096 cost about 200 us of one core. Fewer leave noise in views of a thousand texels
