@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -108,7 +109,7 @@ def test_image_kept_with_the_file(stress_record, tmp_path, way):
         return block
 
     outcome = compare(stress_record, stage, normal_map=image)
-    assert [table.parent for table in (tmp_path / "glint_tables").iterdir()] == [tmp_path / "glint_tables"]
+    assert {Path(table).parent for table in outcome.report["baked"]} == {tmp_path / "glint_tables"}
     assert outcome.report["hints"] == ["Sun"]
 
 
@@ -122,7 +123,7 @@ def test_file_that_is_gone_after_baking(stress_record, tmp_path):
             image.reload()
 
     outcome = compare(stress_record, build, normal_map=lambda: loaded(write(tmp_path / "map.png", pixels())))
-    assert len(outcome.report["reused"]) == 1
+    assert len(outcome.report["reused"]) == 2  # the normals and their counts
     assert any("missing" in warning for warning in outcome.report["warnings"])
 
 
