@@ -1,5 +1,5 @@
-/* Far footprints: the NDF of square blocks of the map, counted over slope bins, read as masses of a few cells around each
- * half vector. The cost does not grow with the footprint. Layout: glint_addon/bake/counts.py, which writes it.
+/* Far footprints: the NDF of square blocks of the map, counted over slope bins, read as masses of a few cells around
+ * each half vector. The cost does not grow with the footprint. Layout: glint_addon/bake/counts.py, which writes it.
  *
  * A group is 2 x 2 blocks, whose counts share one texel; a texel holds how many elements lie below a corner of the bins
  * (a summed-area table: Crow 1984), so that four fetches give the mass of any cell of any size in four blocks. The
@@ -213,8 +213,8 @@ Cells far_cells_of(HalfVector hint, float alpha, int hint_count, Counts counts, 
   return cells;
 }
 
-/* Whether cell (i, j) of hint k is selected: its middle lies in or beside the region, and no earlier hint's cells touch it, or
- * elements would count twice. */
+/* Whether cell (i, j) of hint k is selected: its middle lies in or beside the region, and no earlier hint's cells touch
+ * it, or elements would count twice. */
 int cell_is_selected(Cells cells[8], int k, int i, int j)
 {
   float low1 = cells[k].start1 + i * cells[k].stride1;

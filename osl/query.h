@@ -110,8 +110,8 @@ void visit_texel(output Map map, HalfVector first, HalfVector hints[8], int hint
 /* Select what one patch holds, or in MODE_POINTS its point (a, b), whose share of the footprint has the deviations
  * (first_a, first_b) and (second_a, second_b). offset: of the patch's lower left corner. */
 void visit_patch(output Map map, HalfVector first, HalfVector hints[8], int hint_count, float alpha, int mode, int i,
-                 int j, float offset_u, float offset_v, float a, float b, float first_a, float first_b, float second_a, float second_b,
-                 float weight, output Selection s)
+                 int j, float offset_u, float offset_v, float a, float b, float first_a, float first_b,
+                 float second_a, float second_b, float weight, output Selection s)
 {
   /* Skip patches that no half vector can reach, by one fetch. */
   if (patch_has_bounds(map.width, map.height, i, j)) {
@@ -205,7 +205,8 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
         total += weight;
         visited += 1;
         if (map.is_linear) {
-          visit_patch(map, first, hints, hint_count, alpha, MODE_ALL, i, j, du - 0.5, dv - 0.5, 0, 0, 0, 0, 0, 0, weight, s);
+          visit_patch(map, first, hints, hint_count, alpha, MODE_ALL, i, j, du - 0.5, dv - 0.5, 0, 0, 0, 0, 0, 0,
+                      weight, s);
         }
         else {
           visit_texel(map, first, hints, hint_count, i, j, du, dv, weight, s);
