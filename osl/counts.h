@@ -270,38 +270,90 @@ int hit_is_counted(HalfVector hints[8], int hint_count, Cells cells[8], Level le
   return 0;
 }
 
-/* Sum of the closures of all cells, on top of the remainder. (u, v): the hit's texel coordinates; shift_1, shift_2: two
- * uniform numbers of this sample. */
+/* The groups under a footprint, and what their blocks weigh. */
+struct Blocks {
+  float u;      /* the hit's texel coordinates */
+  float v;
+  float side_u; /* of a block */
+  float side_v;
+  /* The kernel's ellipse quu du^2 + 2 quv du dv + qvv dv^2 < 1. */
+  float quu;
+  float quv;
+  float qvv;
+  int first_column;
+  int first_row;
+  int columns;
+  int groups;    /* to visit */
+  int is_random; /* groups at random points of the footprint stand for all, because it is wider than the largest blocks */
+};
+
+/* A block weighs what the kernel does at its middle, so the kernel is narrower by a block's own spread and that of the
+ * weights, as far as it meets a middle everywhere. */
+Blocks blocks_under(Level level, Footprint footprint, float u, float v)
+{
+  Blocks blocks;
+  blocks.u = u;
+  blocks.v = v;
+  blocks.side_u = 0.5 * level.group_u;
+  blocks.side_v = 0.5 * level.group_v;
+  float side = max(blocks.side_u, blocks.side_v);
+  float own = min(2.0 / (12.0 * KERNEL_VARIANCE), footprint.short_axis * footprint.short_axis / (side * side) - 0.5625);
+  float suu = footprint.ux * footprint.ux + footprint.uy * footprint.uy - own * blocks.side_u * blocks.side_u;
+  float suv = footprint.ux * footprint.vx + footprint.uy * footprint.vy;
+  float svv = footprint.vx * footprint.vx + footprint.vy * footprint.vy - own * blocks.side_v * blocks.side_v;
+  float determinant = suu * svv - suv * suv;
+  blocks.quu = svv / determinant;
+  blocks.quv = -suv / determinant;
+  blocks.qvv = suu / determinant;
+  float reach_u = sqrt(suu) - 0.5 * blocks.side_u;
+  float reach_v = sqrt(svv) - 0.5 * blocks.side_v;
+  blocks.first_column = (int)floor((u - reach_u) / level.group_u);
+  blocks.first_row = (int)floor((v - reach_v) / level.group_v);
+  blocks.columns = (int)floor((u + reach_u) / level.group_u) - blocks.first_column + 1;
+  int rows = (int)floor((v + reach_v) / level.group_v) - blocks.first_row + 1;
+  /* A product of floats: of very far footprints an int overflows. */
+  blocks.is_random = (float)blocks.columns * rows > 2 * FAR_GROUPS;
+  blocks.groups = !blocks.is_random ? blocks.columns * rows : level.columns * level.rows == 1 ? 1 : FAR_GROUPS;
+  return blocks;
+}
+
+/* Place of the g-th group, and the weights of its four blocks, the last apart. shift: uniform numbers of this sample. */
+color block_weights(Blocks blocks, Level level, Footprint footprint, int g, vector shift, output int column, output int row,
+                    output float last)
+{
+  if (blocks.is_random) {
+    float x, y;
+    float a = shift[0] + g * PLASTIC_1;
+    float b = shift[1] + g * PLASTIC_2;
+    footprint_sample(a - floor(a), b - floor(b), x, y);
+    column = (int)floor((blocks.u + footprint.ux * x + footprint.uy * y) / level.group_u);
+    row = (int)floor((blocks.v + footprint.vx * x + footprint.vy * y) / level.group_v);
+    last = 1.0;
+    return color(1.0);
+  }
+  column = blocks.first_column + g % blocks.columns;
+  row = blocks.first_row + g / blocks.columns;
+  float left = (column + 0.25) * level.group_u - blocks.u;
+  float low = (row + 0.25) * level.group_v - blocks.v;
+  float right = left + blocks.side_u;
+  float high = low + blocks.side_v;
+  float cross_low = 2.0 * blocks.quv * low;
+  float cross_high = 2.0 * blocks.quv * high;
+  float square_low = blocks.qvv * low * low;
+  float square_high = blocks.qvv * high * high;
+  last = footprint_kernel(blocks.quu * right * right + cross_high * right + square_high);
+  return color(footprint_kernel(blocks.quu * left * left + cross_low * left + square_low),
+               footprint_kernel(blocks.quu * right * right + cross_low * right + square_low),
+               footprint_kernel(blocks.quu * left * left + cross_high * left + square_high));
+}
+
+/* Sum of the closures of all cells, on top of the remainder. (u, v): the hit's texel coordinates; shift: uniform numbers
+ * of this sample. */
 closure color counts_closures(string distribution, float alpha, output Map map, Level level,
                               HalfVector hints[8], int hint_count, Cells cells[8], Footprint footprint, float u, float v,
-                              float shift_1, float shift_2, closure color remainder, output int visited,
-                              output int closures)
+                              vector shift, closure color remainder, output int visited, output int closures)
 {
-  /* A block weighs what the kernel does at its middle, so the kernel is narrower by a block's own spread and that of the
-   * weights, as far as it meets a middle everywhere. */
-  float block_u = 0.5 * level.group_u;
-  float block_v = 0.5 * level.group_v;
-  float own = 2.0 / (12.0 * KERNEL_VARIANCE);
-  float block2 = block_u * block_v;
-  own *= min((footprint.short_axis * footprint.short_axis - 0.5625 * block2) / (own * block2), 1.0);
-  float suu = footprint.ux * footprint.ux + footprint.uy * footprint.uy - own * block_u * block_u;
-  float suv = footprint.ux * footprint.vx + footprint.uy * footprint.vy;
-  float svv = footprint.vx * footprint.vx + footprint.vy * footprint.vy - own * block_v * block_v;
-  float determinant = suu * svv - suv * suv;
-  float quu = svv / determinant;
-  float quv = -suv / determinant;
-  float qvv = suu / determinant;
-  float reach_u = sqrt(suu) - 0.5 * block_u;
-  float reach_v = sqrt(svv) - 0.5 * block_v;
-  int first_column = (int)floor((u - reach_u) / level.group_u);
-  int first_row = (int)floor((v - reach_v) / level.group_v);
-  int group_columns = (int)floor((u + reach_u) / level.group_u) - first_column + 1;
-  int group_rows = (int)floor((v + reach_v) / level.group_v) - first_row + 1;
-  /* Beyond the largest blocks: groups at random points of the footprint stand for all. (A product
-   * of float: of very far footprints an int overflows.) */
-  int is_random = (float)group_columns * group_rows > 2 * FAR_GROUPS;
-  int groups = !is_random ? group_columns * group_rows : level.columns * level.rows == 1 ? 1 : FAR_GROUPS;
-
+  Blocks blocks = blocks_under(level, footprint, u, v);
   closure color sum = remainder;
   for (int k = 0; k < hint_count; ++k) {
     /* Slope around the half vector per bin. */
@@ -340,30 +392,10 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
       float total = 0;
       float spread_u = 0;
       float spread_v = 0;
-      for (int g = 0; g < groups; ++g) {
-        int column = first_column + g % group_columns;
-        int row = first_row + g / group_columns;
-        color weight = 1.0;
-        float last_weight = 1.0;
-        if (is_random) {
-          float x, y;
-          float first = shift_1 + g * PLASTIC_1;
-          float second = shift_2 + g * PLASTIC_2;
-          footprint_sample(first - floor(first), second - floor(second), x, y);
-          column = (int)floor((u + footprint.ux * x + footprint.uy * y) / level.group_u);
-          row = (int)floor((v + footprint.vx * x + footprint.vy * y) / level.group_v);
-        }
-        else {
-          /* The four blocks' middles. */
-          float du = (column + 0.25) * level.group_u - u;
-          float dv = (row + 0.25) * level.group_v - v;
-          float right = du + block_u;
-          float up = dv + block_v;
-          weight = color(footprint_kernel(quu * du * du + 2.0 * quv * du * dv + qvv * dv * dv),
-                         footprint_kernel(quu * right * right + 2.0 * quv * right * dv + qvv * dv * dv),
-                         footprint_kernel(quu * du * du + 2.0 * quv * du * up + qvv * up * up));
-          last_weight = footprint_kernel(quu * right * right + 2.0 * quv * right * up + qvv * up * up);
-        }
+      for (int g = 0; g < blocks.groups; ++g) {
+        int column, row;
+        float last_weight;
+        color weight = block_weights(blocks, level, footprint, g, shift, column, row, last_weight);
         float group_weight = weight[0] + weight[1] + weight[2] + last_weight;
         if (group_weight > 0.0) {
           float middle_u = (column + 0.5) * level.group_u - u;
@@ -373,8 +405,8 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
           /* What is seen of the group is turned by the mean of its blocks, and spread around it. */
           float right_share = (weight[1] + last_weight) / group_weight;
           float up_share = (weight[2] + last_weight) / group_weight;
-          middle_u += (right_share - 0.5) * block_u;
-          middle_v += (up_share - 0.5) * block_v;
+          middle_u += (right_share - 0.5) * blocks.side_u;
+          middle_v += (up_share - 0.5) * blocks.side_v;
           float turn1 = middle_u * hints[k].shift_u1 + middle_v * hints[k].shift_v1;
           float turn2 = middle_u * hints[k].shift_u2 + middle_v * hints[k].shift_v2;
           float turned1 = cells[k].a11 * turn1 + cells[k].a12 * turn2 - cells[k].centre1;
@@ -426,8 +458,8 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
           map.fetches += (columns + 1) * (rows + 1);
         }
       }
-      spread_u = (spread_u / total + 1.0 / 12.0) * block_u * block_u;
-      spread_v = (spread_v / total + 1.0 / 12.0) * block_v * block_v;
+      spread_u = (spread_u / total + 1.0 / 12.0) * blocks.side_u * blocks.side_u;
+      spread_v = (spread_v / total + 1.0 / 12.0) * blocks.side_v * blocks.side_v;
 
       /* A cell that holds so much of all is looked at again: there the map is flat, or scratched one way. */
       int largest = -1;
@@ -442,10 +474,10 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
         }
       }
       for (int c = 0; c < columns * rows; ++c) {
-        float w = mass[c] / (total * block_u * block_v);
+        float w = mass[c] / (total * blocks.side_u * blocks.side_v);
         if (w > 0.0 && c != largest && (pass > 0 || cell_is_selected(cells, k, c % columns, c / columns))) {
           if (w < LEAST_WEIGHT) {
-            w = (float)hashnoise(point(shift_1, shift_2, (2 * k + pass) * 49 + c)) * LEAST_WEIGHT < w ? LEAST_WEIGHT : 0.0;
+            w = (float)hashnoise(point(shift[0], shift[1], (2 * k + pass) * 49 + c)) * LEAST_WEIGHT < w ? LEAST_WEIGHT : 0.0;
           }
           float x = first1[c] / mass[c];
           float y = first2[c] / mass[c];
@@ -462,8 +494,8 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
           if (w > 0.0) {
             /* Where a cell is a wide bin, gaps between lobes must not stay where they are: the half vector may. */
             if (width > CELL_NARROW) {
-              float x_shift = stride1 == 1 ? shift_1 - 0.5 : 0.0;
-              float y_shift = stride2 == 1 ? shift_2 - 0.5 : 0.0;
+              float x_shift = stride1 == 1 ? shift[0] - 0.5 : 0.0;
+              float y_shift = stride2 == 1 ? shift[1] - 0.5 : 0.0;
               p1 += p11 * x_shift + p12 * y_shift;
               p2 += p21 * x_shift + p22 * y_shift;
             }

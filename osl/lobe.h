@@ -186,8 +186,8 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
   int visited = 0;
   closure color sum = 0;
   if (mode == MODE_COUNTS) {
-    sum = counts_closures(distribution, alpha, map, level, hints, hint_count, cells, footprint, hit.u, hit.v, shift[0],
-                          shift[1], remainder, visited, closures);
+    sum = counts_closures(distribution, alpha, map, level, hints, hint_count, cells, footprint, hit.u, hit.v, shift,
+                          remainder, visited, closures);
   }
   else {
     Selection s;
