@@ -27,7 +27,7 @@
  * slopes spread evenly over it, 2.2 times the lobe. */
 #define FAR_REACH_CLOSEST 1.75
 #define FAR_REACH_LINEAR 1.15
-/* Widths of a cell, relative to the lobe, between which its spread goes from -1/12 of its square to 1/12. A mass in the
+/* Widths of a cell, relative to alpha, between which its spread goes from -1/12 of its square to 1/12. A mass in the
  * cell's middle stands for facets spread evenly over it, and shows twice the spread wherever cells happen to lie, so a
  * narrow cell's closure is narrower than a facet's lobe by that much; where cells are wide gaps between their lobes would
  * show. Mean error and what depends on the cells' places, random slopes of deviation 3 alpha, by numpy: 1 alpha wide
@@ -387,7 +387,7 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
         square1[c] = 0;
         square2[c] = 0;
       }
-      float width = max(stride1 * hypot(p11, p21), stride2 * hypot(p12, p22)) * REGION / region_inward(hints[k], alpha);
+      float width = max(stride1 * hypot(p11, p21), stride2 * hypot(p12, p22)) / max(alpha, 1e-6);
       float cell_spread = (clamp(2.0 * (width - CELL_NARROW) / (CELL_WIDE - CELL_NARROW), 0.0, 2.0) - 1.0) / 12.0;
       float total = 0;
       float spread_u = 0;
