@@ -116,9 +116,13 @@ void select_element(output Selection s, HalfVector hints[8], int hint, float wei
 float merged_reflection(HalfVector hint, float alpha, float p1, float p2, float c11, float c12, float c22)
 {
   float s = 0.5 * alpha * alpha;
-  float determinant = max((s + c11) * (s + c22) - c12 * c12, 0.1 * s * s);
-  float m1 = s * ((s + c22) * p1 - c12 * p2) / determinant;
-  float m2 = s * ((s + c11) * p2 - c12 * p1) / determinant;
+  float m1 = p1;
+  float m2 = p2;
+  if (min(c11, c22) > 0.0) {
+    float determinant = (s + c11) * (s + c22) - c12 * c12;
+    m1 = s * ((s + c22) * p1 - c12 * p2) / determinant;
+    m2 = s * ((s + c11) * p2 - c12 * p1) / determinant;
+  }
   float a1 = dot(hint.t1, I);
   float a2 = dot(hint.t2, I);
   float height = dot(hint.h, I);

@@ -232,8 +232,8 @@ def test_the_file_is_about_as_wide_as_high_and_never_wider_than_the_reader_likes
         assert 16 <= width <= 8192 and (height <= width or width == 8192)
 
 
-def test_the_box_leaves_out_the_outermost_thousandth_on_each_side():
-    normals = random_normals(256, 256)
+def test_the_box_leaves_out_the_outermost_ten_thousandth_on_each_side():
+    normals = random_normals(512, 512)
     normals[..., 2] = 1
     low, high = counts.slope_box(normals)
     assert low.dtype == high.dtype == np.float32
@@ -241,7 +241,7 @@ def test_the_box_leaves_out_the_outermost_thousandth_on_each_side():
     for axis in range(2):
         # The margin around the quantiles takes some of it in again.
         for outside in ((slopes[:, axis] < low[axis]).mean(), (slopes[:, axis] >= high[axis]).mean()):
-            assert 0.0008 < outside <= 0.001
+            assert 0.00003 < outside <= 0.0001
 
 
 def test_all_of_an_eight_bit_map_with_few_slopes_is_in_the_box():
@@ -274,7 +274,7 @@ def test_horizontal_normals_are_not_counted_and_do_not_stretch_the_box():
     np.testing.assert_allclose(widened, box, rtol=0.1)
     inside = (normals[..., 2] > 0) & ((normals[..., :2] >= widened[0] * normals[..., 2:])
                                       & (normals[..., :2] < widened[1] * normals[..., 2:])).all(axis=-1)
-    assert texels.reshape(-1, 4)[88 * 88].sum() == inside.sum() < 64 * 64 - 11
+    assert texels.reshape(-1, 4)[88 * 88].sum() == inside.sum() <= 64 * 64 - 11
 
 
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)

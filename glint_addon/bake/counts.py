@@ -35,7 +35,7 @@ from .progress import Steps
 from .slope_counts import group_counts, slope_box
 
 MAGIC = 7927.0  # in no table of another kind
-VERSION = 2  # part of the content address: raise it when the layout, the bins or the samples change
+VERSION = 3  # part of the content address: raise it when the layout, the bins or the samples change
 SUFFIX = ".exr"
 FIRST_BLOCK = {"CLOSEST": 64, "LINEAR": 32}  # texels; below, the shader enumerates elements
 # Corners of the slope grid along each axis, by block side: more as blocks hold more elements, and so many that all
