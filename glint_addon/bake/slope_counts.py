@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-OUTERMOST = 0.0001  # part of the slopes outside the box, on each side of each axis: met by chance alone, each is a firefly
+OUTERMOST = 0.0001  # of the slopes, outside the box on each side of each axis: met by chance alone, each is a firefly
 LEAST_RANGE = 1e-4  # of the box along an axis, in slope: far below any lobe's width
 MARGIN = 1e-3  # of the box's range, on each side: the slopes at its rim are many in an 8-bit map, and belong inside
 LARGEST_SLOPE = 1000.0  # 0.06 degrees above the horizon: steeper normals are seen by no one and would stretch the box
