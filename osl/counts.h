@@ -34,6 +34,9 @@
  * 0.0 %, 0.15 %; 1.4 alpha with -1/12 0.2 %, 11 %, with 0 -1.5 %, 2.5 %, with 1/12 -3.0 %, 0.6 %. */
 #define CELL_NARROW 1.1
 #define CELL_WIDE 2.0
+/* Largest turn within the footprint relative to a hint's region: beyond, the turn within a block would make one closure as
+ * wide as the view changes (measured: a third of the light lost in a view of 170 degrees). */
+#define FAR_TURN 2.0
 /* Share of a hint's mass that makes a cell stand out, and its parts along one side. */
 #define PEAK_SHARE 0.3
 #define PEAK_PARTS 5

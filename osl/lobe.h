@@ -162,7 +162,7 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
     for (int k = 0; k < hint_count; ++k) {
       cells[k] = far_cells_of(hints[k], alpha, hint_count, map.counts, level, map.strength, shift);
       if (cells[k].columns > 0) {
-        least = min(least, min(cells[k].reach1, cells[k].reach2));
+        least = hints[k].turn > FAR_TURN * hints[k].radius ? 0.0 : min(least, min(cells[k].reach1, cells[k].reach2));
       }
     }
     fits = least > (map.is_linear ? FAR_REACH_LINEAR : FAR_REACH_CLOSEST);
