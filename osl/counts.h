@@ -37,9 +37,8 @@
 /* Largest turn within the footprint relative to a hint's region: beyond, the turn within a block would make one closure as
  * wide as the view changes (measured: a third of the light lost in a view of 170 degrees). */
 #define FAR_TURN 2.0
-/* Share of a hint's mass that makes a cell stand out, and its parts along one side. */
+/* Share of a hint's mass that makes a cell stand out. */
 #define PEAK_SHARE 0.3
-#define PEAK_PARTS 5
 /* Least height of a half vector above the surface (cosine) for which slopes are counted. */
 #define LEAST_HEIGHT 0.05
 
@@ -157,6 +156,13 @@ struct Cells {
 float far_cells(int hints)
 {
   return hints == 1 ? 5.0 : hints == 2 ? 4.0 : hints == 3 ? 3.0 : hints == 4 ? 2.5 : hints <= 6 ? 1.9 : 1.5;
+}
+
+/* Parts along one side of a cell that stands out; 1: it is left whole. Together with far_cells no more than the closures
+ * hold: 31 + 25, 2 (23 + 4), 3 (15 + 4). */
+int peak_parts(int hints)
+{
+  return hints == 1 ? 5 : hints <= 3 ? 2 : 1;
 }
 
 /* Lay the cells of a hint along one slope. shift: uniform in 0..1, where the half vector lies in its cell: the sum of the
@@ -357,6 +363,7 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
                               vector shift, closure color remainder, output int visited, output int closures)
 {
   Blocks blocks = blocks_under(level, footprint, u, v);
+  int parts = peak_parts(hint_count);
   closure color sum = remainder;
   for (int k = 0; k < hint_count; ++k) {
     /* Slope around the half vector per bin. */
@@ -466,7 +473,7 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
 
       /* A cell that holds so much of all is looked at again: there the map is flat, or scratched one way. */
       int largest = -1;
-      if (pass == 0 && stride1 * stride2 > 1) {
+      if (pass == 0 && stride1 * stride2 > 1 && parts > 1) {
         float all = 0;
         for (int c = 0; c < columns * rows; ++c) {
           all += mass[c];
@@ -515,8 +522,8 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
         start2 += largest / columns * stride2;
         end1 = start1 + stride1;
         end2 = start2 + stride2;
-        stride1 = (int)ceil(stride1 / (float)PEAK_PARTS);
-        stride2 = (int)ceil(stride2 / (float)PEAK_PARTS);
+        stride1 = (int)ceil(stride1 / (float)parts);
+        stride2 = (int)ceil(stride2 / (float)parts);
         columns = (end1 - start1 + stride1 - 1) / stride1;
         rows = (end2 - start2 + stride2 - 1) / stride2;
       }

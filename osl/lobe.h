@@ -137,14 +137,10 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
       return plain;
     }
   }
-  Patch patch;
-  if (map.is_linear) {
-    patch = hit_patch(map, hit);
-  }
   if (mode == MODE_SINGLE) {
     counters = color(1, 1, mode);
     left = LEFT_WITHIN_TEXEL;
-    return patch_closure(distribution, alpha, patch, hit, frame, footprint, hints[0]);
+    return patch_closure(distribution, alpha, hit_patch(map, hit), hit, frame, footprint, hints[0]);
   }
 
   /* Far away counts of blocks, else the elements themselves. The remainder is the sample's own normal, unless it is
@@ -174,6 +170,10 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
     is_selected = hit_is_counted(hints, hint_count, cells, level, map, hit);
   }
   else {
+    Patch patch;
+    if (map.is_linear) {
+      patch = hit_patch(map, hit);
+    }
     is_selected = hit_is_selected(map, hints, hint_count, alpha, mode, patch, hit.u - hit.i, hit.v - hit.j, hit.n);
   }
   closure color remainder = 0;
