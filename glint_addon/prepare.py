@@ -85,7 +85,7 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
     if groups:
         hints, skipped = scene_hints(scene)
         connect_hints(glint_lights.build(), scene, hints)
-        report["hints"] = [hint.object.name for hint in hints]
+        report["hints"] = [hint.name for hint in hints]
         report["skipped_lights"] = [list(pair) for pair in skipped]
     if report["osl"] and hasattr(scene, "cycles") and not scene.cycles.shading_system:
         scene.cycles.shading_system = True

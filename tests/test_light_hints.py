@@ -6,8 +6,9 @@ import bpy
 import numpy as np
 import pytest
 
-from glint_addon.lights.hints import MISSES, SOFT_HALF_ANGLE, TOO_MANY, scene_hints
+from glint_addon.lights.hints import TOO_MANY, scene_hints
 from glint_addon.lights.irradiance import irradiance
+from glint_addon.lights.lamps import MISSES, SOFT_HALF_ANGLE
 from glint_addon.lights.receivers import glint_objects, lit_objects, world_bounds
 from glint_addon.nodes import glint_bsdf, glint_lights
 from tests.helpers import cycles
@@ -36,7 +37,7 @@ def material_with(group, name="Glints"):
 
 
 def names(hints):
-    return [hint.object.name for hint in hints]
+    return [hint.name for hint in hints]
 
 
 def move_to_collection(scene, thing, name="Collection"):

@@ -13,7 +13,8 @@ from mathutils import Vector
 
 from glint_addon.errors import SceneError
 from glint_addon.lights.drivers import connect_hints, disconnect
-from glint_addon.lights.hints import Hint, scene_hints
+from glint_addon.lights.hint import Hint
+from glint_addon.lights.hints import scene_hints
 from glint_addon.lights.size import light_size
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_lights import HINT_COUNT, KIND_LOCAL, KIND_SUN
@@ -325,7 +326,7 @@ def test_changing_the_shape_of_an_area_light_changes_its_driver_when_connected_a
 
 def test_too_many_hints_or_a_light_of_another_scene_are_refused(stage):
     lamp = add_lamp(stage, "Lamp")
-    hint = Hint(lamp, KIND_LOCAL, 1.0, 0.1)
+    hint = Hint("Lamp", KIND_LOCAL, 1.0, 0.1, lamp)
     with pytest.raises(SceneError, match="do not fit"):
         connect_hints(glint_lights.build(), stage, [hint] * (HINT_COUNT + 1))
     other = bpy.data.scenes.new("Other")

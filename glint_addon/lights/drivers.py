@@ -9,7 +9,7 @@ from __future__ import annotations
 from ..errors import SceneError
 from ..nodes.driven import Driven, Variable, write_number
 from ..nodes.glint_lights import HINT_COUNT, KIND_SUN, light_name, shape_name
-from .hints import Hint
+from .hint import Hint
 
 AXES = ("X", "Y", "Z")
 NO_LIGHT = (0.0, 0.0, 0.0)
@@ -34,8 +34,8 @@ def connect_hints(group, scene, hints: list[Hint]) -> None:
         raise SceneError(f"{len(hints)} lights do not fit the {HINT_COUNT} slots: let Glint choose the lights.")
     present = set(scene.objects)
     for hint in hints:
-        if hint.object not in present:
-            raise SceneError(f'Light "{hint.object.name}" is not in scene "{scene.name}": prepare the scene again.')
+        if hint.object is not None and hint.object not in present:
+            raise SceneError(f'Light "{hint.name}" is not in scene "{scene.name}": prepare the scene again.')
 
     for slot in range(1, HINT_COUNT + 1):
         hint = hints[slot - 1] if slot <= len(hints) else None
@@ -60,6 +60,8 @@ def _write_vector(group, node_name, numbers):
 
 def _place(hint):
     """Direction towards a sun, position of any other light."""
+    if hint.direction is not None:
+        return hint.direction
     if hint.kind == KIND_SUN:
         return sun_direction(hint.object)
     return tuple(Driven("x", (_transform("x", hint.object, f"LOC_{axis}"),)) for axis in AXES)
@@ -81,6 +83,8 @@ def sun_direction(lamp) -> tuple[Driven, Driven, Driven]:
 
 def _shape(hint):
     """Kind and size; the kind falls to none while the light is off or gone: less work, the same picture."""
+    if hint.object is None:
+        return (hint.kind, hint.size, 0.0)
     energy, hidden = _property("energy", hint.object, "data.energy"), _property("hidden", hint.object, "hide_render")
     kind = Driven(f"{hint.kind} if energy > 0 and hidden < 1 else 0", (energy, hidden))
     return (kind, _size(hint.object), 0.0)

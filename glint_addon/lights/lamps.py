@@ -1,0 +1,81 @@
+"""Light objects -> hints, and why the others need none."""
+
+from __future__ import annotations
+
+from math import radians
+
+from ..motion import copies_others, has_fixed_box, is_fixed
+from ..nodes.glint_lights import KIND_LOCAL, KIND_SUN
+from .animation import is_animated, peak_value
+from .hint import Hint
+from .irradiance import irradiance, tint
+from .receivers import lit_objects, world_bounds
+from .size import light_size
+
+# A sun of this half-angle moves the half vector by half of it, 7.5 degrees, as much as the texels of most normal maps
+# do: a normal drawn at random meets such a sun often enough, and the plain lobe is as smooth as the hinted one.
+SOFT_HALF_ANGLE = radians(15.0)
+
+MISSES = "shines past every object with glints, which are outside its cone or behind it"
+
+
+def lamp_hints(scene, rendered, receivers, bounds) -> tuple[list[Hint], list[tuple[str, str]]]:
+    """Hints for the light objects of `scene`, and those skipped as (name, reason in words).
+
+    rendered: objects in collections that are rendered; receivers: objects with glints; bounds: their boxes, or others'
+    where there are none. Matrices must be current.
+    """
+    # A light that misses all of them now misses them always, if nothing moves.
+    is_still = bool(receivers) and all(has_fixed_box(thing) for thing in receivers)
+    is_still = is_still and not any(copies_others(thing) for thing in scene.objects)
+
+    hints, skipped = [], []
+    for lamp in (thing for thing in scene.objects if thing.type == "LIGHT"):
+        lit = lit_objects(lamp, receivers)
+        reason = _reason_to_skip(lamp, lamp in rendered, bool(lit) or not receivers)
+        hint = _hint(lamp, bounds if len(lit) == len(receivers) else world_bounds(lit))
+        if not reason and hint.power == 0 and is_still and is_fixed(lamp):
+            reason = MISSES
+        if reason:
+            skipped.append((lamp.name, reason))
+        else:
+            hints.append(hint)
+    return hints, skipped
+
+
+def _reason_to_skip(lamp, in_rendered_collection: bool, lights_receivers: bool) -> str:
+    """Why the light needs no hint, in words, or an empty string."""
+    light = lamp.data
+    half_angle = light.angle / 2 if light.type == "SUN" else 0.0
+    checks = (
+        (not in_rendered_collection, "its collections are hidden in renders or excluded from the view layer"),
+        (lamp.hide_render and not is_animated(lamp, "hide_render"), "hidden in renders"),
+        (light.energy <= 0 and not _may_shine_later(light), "its energy is zero or negative"),
+        (max(tint(light)) <= 0 and not is_animated(light, "color"), "its colour is black"),
+        (not lamp.visible_glossy, "not visible to glossy rays"),
+        (light.type == "AREA" and light.cycles.is_portal, "a portal, which sends out no light of its own"),
+        (half_angle > SOFT_HALF_ANGLE, "so wide a sun that plain sampling is already smooth"),
+        (not lights_receivers, "light linking excludes every object with glints"),
+        (_instances_children(lamp.parent), f'instanced by "{lamp.parent and lamp.parent.name}": no driver can follow'),
+    )
+    return next((reason for applies, reason in checks if applies), "")
+
+
+def _may_shine_later(light) -> bool:
+    """Whether animation may raise a light's energy above zero: keys say so; a driver or strip may."""
+    return is_animated(light, "energy") and (peak_value(light, "energy") > 0 or not _has_only_keys(light))
+
+
+def _has_only_keys(light) -> bool:
+    animation = light.animation_data
+    return not animation.nla_tracks and animation.drivers.find("energy") is None
+
+
+def _hint(lamp, bounds) -> Hint:
+    kind = KIND_SUN if lamp.data.type == "SUN" else KIND_LOCAL
+    power = irradiance(lamp, *bounds, peak_value(lamp.data, "energy"))
+    return Hint(lamp.name, kind, power, light_size(lamp), lamp)
+
+
+def _instances_children(parent) -> bool:
+    return parent is not None and parent.instance_type in {"VERTS", "FACES"}
