@@ -6,7 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
-from glint_addon.lights.hints import TOO_MANY, scene_hints
+from glint_addon.lights.choice import TOO_MANY
+from glint_addon.lights.hints import scene_hints
 from glint_addon.lights.irradiance import irradiance
 from glint_addon.lights.lamps import MISSES, SOFT_HALF_ANGLE
 from glint_addon.lights.receivers import glint_objects, lit_objects, world_bounds

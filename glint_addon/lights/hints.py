@@ -7,33 +7,33 @@ from __future__ import annotations
 
 import bpy
 
-from ..nodes.glint_lights import HINT_COUNT
 from .animation import is_animated
+from .choice import choose
 from .hint import Hint
 from .lamps import lamp_hints
 from .receivers import glint_objects, world_bounds
 
-TOO_MANY = f"dimmer than the {HINT_COUNT} strongest lights: left to the remainder, which is noisier"
-
 
 def scene_hints(scene, view_layer=None) -> tuple[list[Hint], list[tuple[str, str]]]:
-    """The strongest hints of `scene`, by name, and the lights skipped as (name, reason in words).
+    """The strongest hints of `scene` for all its glints together, by name, and the others as (name, reason in words).
 
     Judges what `view_layer` renders, or any view layer switched on for rendering if None. Updates those layers, so that
-    matrices are current. The lights' order does not depend on the frame, so an animation does not pop.
+    matrices are current. What each material looks for is chosen by `glint_addon.light_sets`.
     """
+    found, skipped = scene_candidates(scene, view_layer)
+    choice = choose(found, [hint.power for hint in found], negligible=0.0)
+    return list(choice.hints), skipped + list(choice.left)
+
+
+def scene_candidates(scene, view_layer=None) -> tuple[list[Hint], list[tuple[str, str]]]:
+    """`candidates` for all objects with glints that the view layers of `scene` render, which are updated."""
     layers = [view_layer] if view_layer else [layer for layer in scene.view_layers if layer.use]
     for layer in layers:
         layer.update()
     shown = shown_objects(layers)
     receivers = glint_objects(shown)
     bounds = world_bounds(receivers or [thing for thing in shown if thing.type == "MESH"])
-    found, skipped = candidates(scene, layers, receivers, bounds)
-
-    # Keep the strongest, in order of name.
-    strongest = set(sorted(found, key=lambda hint: (-hint.power, hint.order))[:HINT_COUNT])
-    skipped += [(hint.name, TOO_MANY) for hint in found if hint not in strongest]
-    return [hint for hint in found if hint in strongest], skipped
+    return candidates(scene, layers, receivers, bounds)
 
 
 def candidates(scene, layers, receivers, bounds) -> tuple[list[Hint], list[tuple[str, str]]]:

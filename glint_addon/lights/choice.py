@@ -1,0 +1,200 @@
+"""Which lights a material looks for: those whose glints would be noisiest without, for the whole animation at once.
+
+Nothing here depends on the current frame, so that animation does not pop. What cannot be told keeps its light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import asin, hypot, inf, pi
+
+import numpy as np
+
+from ..motion import has_fixed_box, has_rigid_box, is_fixed
+from ..nodes.glint_lights import HINT_COUNT, KIND_SUN
+from ..poses import poses
+from .animation import is_animated, peak_value
+from .hint import Hint
+from .irradiance import irradiance
+
+# Lights that together make no more than this part of the noise are not looked for: all that are share the closures.
+NEGLIGIBLE = 0.02
+FRAMES = 17  # of an animation that are looked at; lights are ranked, so what lies between changes little
+NEVER = -1.0  # the value of a light that never shines on the material
+# Objects whose shape may change are taken to be this much larger than their mesh at rest.
+SHAPE_MARGIN = 1.5
+# Constraints that move nothing by themselves: what holds them still holds the object still.
+STILL_CONSTRAINTS = {"TRACK_TO", "DAMPED_TRACK", "LOCKED_TRACK", "COPY_LOCATION", "COPY_ROTATION", "COPY_SCALE",
+                     "COPY_TRANSFORMS", "LIMIT_LOCATION", "LIMIT_ROTATION", "LIMIT_SCALE", "LIMIT_DISTANCE", "CHILD_OF"}
+
+TOO_MANY = f"dimmer than the {HINT_COUNT} strongest lights: left to the remainder, which is noisier"
+TOO_DIM = "so dim beside the others that its noise does not show: left to the remainder"
+OUT_OF_REACH = "no facet of the map can mirror it to a camera"
+MISSES = "shines past every object of the material, which are outside its cone or behind it"
+
+
+@dataclass(frozen=True)
+class Posed:
+    """A light object where it is at one frame. matrix_world: (4, 4), as numbers of `mathutils` have it."""
+
+    data: object
+    matrix_world: object
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Low and high corners, (n, f, 3) each, of the boxes of n objects at f frames in world space [m].
+
+    are_fixed: whether they hold at every frame, not only at these, all that is rendered of the objects.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    are_fixed: bool
+
+
+@dataclass(frozen=True)
+class Choice:
+    """hints: those a material looks for, by name; left: the others as (name, reason in words)."""
+
+    hints: tuple[Hint, ...]
+    left: tuple[tuple[str, str], ...]
+
+
+def choose(found: list[Hint], values: list[float], reached=None, *, negligible=NEGLIGIBLE) -> Choice:
+    """The hints to look for of those `found`, in their order, by their `values` from `noise_in_remainder`.
+
+    reached: set of those that can be mirrored at all, None: all; negligible: part of the noise that may be left out.
+    """
+    worth = dict(zip(found, values, strict=True))
+    reasons = {hint: MISSES for hint in found if worth[hint] < 0.0}
+    reasons |= {hint: OUT_OF_REACH for hint in found if reached is not None and hint not in reached}
+    ranked = sorted((hint for hint in found if hint not in reasons), key=lambda hint: (-worth[hint], hint.order))
+    reasons |= dict.fromkeys(ranked[HINT_COUNT:], TOO_MANY)
+
+    # Leave out the dimmest of the rest, as many as matter little together: noise adds by its squares. Of one that is
+    # dark at all frames that were looked at, but moves, nothing is known.
+    total = hypot(*(worth[hint] for hint in ranked))
+    bright = [hint for hint in ranked if worth[hint] > 0.0]
+    for place, hint in reversed(list(enumerate(bright))):
+        if hypot(*(worth[other] for other in bright[place:])) > negligible * total or total == inf:
+            break
+        reasons.setdefault(hint, TOO_DIM)
+    return Choice(
+        tuple(hint for hint in found if hint not in reasons),
+        tuple((hint.name, reasons[hint]) for hint in found if hint in reasons),
+    )
+
+
+def noise_in_remainder(hint: Hint, boxes: Boxes, frames, alpha: float) -> float:
+    """Standard deviation, up to a factor common to all hints, of the light's glints where they are met by chance.
+
+    boxes: of the objects it lights, at the f `frames`; alpha: of a facet. Infinite where the light's place or power
+    at other frames cannot be told, for in doubt it stays; negative if it never shines on any of the boxes.
+    """
+    if not len(boxes.low):
+        return NEVER
+    if hint.object is None or hint.object.type != "LIGHT":
+        return _noise(hint.power, hint.size if hint.kind == KIND_SUN else 0.0, alpha)
+    lamp = hint.object
+    matrices = places(lamp, frames)
+    if matrices is None or _may_be_brighter(lamp.data):
+        return inf
+    energy = peak_value(lamp.data, "energy")
+    if is_still(matrices):
+        pairs = [(matrices[0], boxes.low.reshape(-1, 3), boxes.high.reshape(-1, 3))]
+    else:
+        pairs = [(matrix, boxes.low[:, frame], boxes.high[:, frame]) for frame, matrix in enumerate(matrices)]
+    value = max(_noise_at(hint, matrix, low, high, energy, alpha) for matrix, low, high in pairs)
+    return NEVER if value == 0.0 and boxes.are_fixed and is_fixed(lamp) else value
+
+
+def boxes_over(objects, frames) -> Boxes:
+    """Boxes of objects at the `frames`; one whose place cannot be told is where the middle of the others is."""
+    known = {thing: places(thing, frames) for thing in objects}
+    boxes = [_box_over(thing, matrices) for thing, matrices in known.items() if matrices is not None]
+    low, high = (np.array([box[side] for box in boxes]).reshape(-1, len(frames), 3) for side in (0, 1))
+    if len(boxes) < len(known):
+        middle = (low.min(axis=0) + high.max(axis=0)) / 2 if boxes else np.zeros((len(frames), 3))
+        low, high = np.append(low, middle[None], axis=0), np.append(high, middle[None], axis=0)
+    return Boxes(low, high, all(has_fixed_box(thing) for thing in objects))
+
+
+def chosen_frames(scene) -> np.ndarray:
+    """Frames at which lights are judged: of the scene's range, never the current one alone."""
+    count = min(FRAMES, scene.frame_end - scene.frame_start + 1)
+    return np.linspace(scene.frame_start, scene.frame_end, max(count, 1))
+
+
+def places(thing, frames) -> np.ndarray | None:
+    """World matrices (f, 4, 4) of an object at the f `frames`, None if they cannot be told from keys alone."""
+    if _is_settled(thing):
+        return np.tile(np.array(thing.matrix_world), (len(frames), 1, 1))
+    return poses(thing, frames)
+
+
+def is_still(matrices) -> bool:
+    """Whether the matrices (f, 4, 4) are all the same."""
+    return bool((matrices == matrices[0]).all())
+
+
+def _noise_at(hint, matrix, low, high, energy, alpha):
+    """`noise_in_remainder` of boxes (n, 3) under the light at one place, `matrix` (4, 4)."""
+    from mathutils import Matrix
+
+    power = irradiance(Posed(hint.object.data, Matrix(matrix)), low, high, energy)
+    half_angle = hint.size
+    if hint.kind != KIND_SUN and len(low):
+        distance = np.linalg.norm(np.clip(matrix[:3, 3], low, high) - matrix[:3, 3], axis=1).min()
+        half_angle = asin(hint.size / distance) if hint.size < distance else pi / 2
+    return _noise(power, half_angle, alpha)
+
+
+def _noise(power, half_angle, alpha):
+    """A light of this irradiance is met by a random facet the more often, the wider its image in the lobe is.
+
+    Brightness goes as the inverse of that solid angle, the chance as the solid angle: the deviation as the inverse of
+    its root. An angle between lights is half of it between facets.
+    """
+    return power / max(hypot(alpha, half_angle / 2), np.finfo(np.float32).tiny)
+
+
+def _may_be_brighter(light) -> bool:
+    """Whether something but keys changes the light's power or shape, or keys change its shape."""
+    animation = light.animation_data
+    if animation is None:
+        return False
+    return bool(animation.drivers or animation.nla_tracks) or any(
+        is_animated(light, path) for path in ("color", "exposure", "temperature", "spot_size", "size", "size_y")
+        if hasattr(light, path)
+    )
+
+
+def _is_settled(thing) -> bool:
+    """Whether an object stays in its place at every frame: constraints to what stays count as nothing."""
+    if is_fixed(thing, shape=False):
+        return True
+    animation = thing.animation_data
+    moves = animation is not None and bool(animation.action or animation.nla_tracks or animation.drivers)
+    parents = [thing.parent] * (thing.parent is not None)
+    targets = [target for each in thing.constraints if (target := getattr(each, "target", None)) is not None]
+    return (
+        not moves
+        and thing.rigid_body is None
+        and (thing.parent is None or thing.parent_type == "OBJECT")
+        and all(each.type in STILL_CONSTRAINTS and not getattr(each, "subtarget", "") for each in thing.constraints)
+        and all(is_fixed(each, shape=False) for each in parents + targets)
+    )
+
+
+def _box_over(thing, matrices):
+    """Low and high corners (f, 3) of an object's box at its places (f, 4, 4)."""
+    corners = np.array(thing.bound_box)
+    if thing.type == "MESH" and not has_rigid_box(thing) and len(thing.data.vertices):
+        points = np.empty(3 * len(thing.data.vertices), np.float32)
+        thing.data.vertices.foreach_get("co", points)
+        low, high = points.reshape(-1, 3).min(axis=0), points.reshape(-1, 3).max(axis=0)
+        middle, half = (low + high) / 2, SHAPE_MARGIN * (high - low) / 2
+        corners = np.where(np.indices((2, 2, 2)).reshape(3, 8).T, middle + half, middle - half)
+    world = corners @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+    return world.min(axis=1), world.max(axis=1)
