@@ -5,6 +5,38 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import bpy
+from mathutils import Matrix, Vector
+
+
+@dataclass(frozen=True)
+class Ball:
+    """Bounding ball of the faces of a mesh that shine, in the object's own space."""
+
+    centre: tuple[float, float, float]
+    radius: float
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a copy of a light is at one frame: its direction (sun) or position [m], None if it is not shown; its size
+    as in `Hint`."""
+
+    frame: int
+    place: tuple[float, float, float] | None
+    size: float
+
+
+@dataclass(frozen=True)
+class Instance:
+    """A light that the scene shows as a copy of the light or emissive mesh `source`.
+
+    instancer: the object whose collection `source` is in, which drivers follow too. None where no driver can follow:
+    then `poses` hold, of all frames of the scene, one alone if the copy never moves.
+    """
+
+    source: bpy.types.Object
+    instancer: bpy.types.Object | None = None
+    poses: tuple[Pose, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -13,7 +45,8 @@ class Hint:
 
     name: as reports show it; kind: KIND_SUN or KIND_LOCAL; power: estimated irradiance [W/m^2] on the glints, for
     ranking only; size: half-angle [rad] of a sun, bounding radius [m] of other lights; object: the light or emissive
-    mesh that drivers follow, None for the world; direction: unit vector towards a light of the world, in world space.
+    mesh that drivers follow, None for the world and for copies; direction: unit vector towards a light of the world, in
+    world space; instance: of what it is a copy; ball: of an emissive mesh, None for lamps.
     """
 
     name: str
@@ -22,9 +55,15 @@ class Hint:
     size: float
     object: bpy.types.Object | None = None
     direction: tuple[float, float, float] | None = None
+    instance: Instance | None = None
+    ball: Ball | None = None
 
     @property
     def order(self) -> tuple[str, str]:
         """Sorts hints by name, then by the library that their object comes from: the same at every frame."""
         library = self.object.library if self.object else None
         return self.name, library.filepath if library else ""
+
+    def middle(self, matrix) -> tuple[float, float, float]:
+        """Where the light's middle is in world space [m] when the world matrix of its object is `matrix`."""
+        return tuple(Matrix(matrix) @ Vector(self.ball.centre if self.ball else (0.0, 0.0, 0.0)))

@@ -1,21 +1,18 @@
-"""One driven number: what drives it, and how it is written to a socket only when it differs from what is there."""
+"""One number that drivers or keys move, and how it is written to a socket only when it differs from what is there."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import bpy
-
-# With the Euler order ZYX Blender takes two of the three angles from the object's Z axis alone, so that this axis is
-# exact even where a parent shears the object or mirrors it (see `lights.drivers`).
-ROTATION_ORDER = "ZYX"
+import numpy as np
+from bpy_extras.anim_utils import action_get_channelbag_for_slot
 
 
 @dataclass(frozen=True)
 class Variable:
     """One input of a driver.
 
-    kind "TRANSFORMS":   `source` is an object, `channel` a world-space channel (LOC_X [m], ROT_X [rad, ZYX], SCALE_X).
     kind "SINGLE_PROP":  `source` is a data-block, `channel` the path of one of its properties.
     kind "CONTEXT_PROP": `source` is ACTIVE_SCENE or ACTIVE_VIEW_LAYER (those being rendered), `channel` such a path.
     """
@@ -34,16 +31,28 @@ class Driven:
     variables: tuple[Variable, ...]
 
 
-def write_number(socket, number: Driven | float):
-    """Make `socket` hold the driven or constant `number`; touch nothing if it already does."""
-    curve = driver_curve(socket)
+@dataclass(frozen=True)
+class Keyed:
+    """A number with keys: `values` at `frames`, in order, linear between them."""
+
+    frames: tuple[int, ...]
+    values: tuple[float, ...]
+
+
+def write_number(socket, number: Driven | Keyed | float):
+    """Make `socket` hold the driven, keyed or constant `number`; touch nothing if it already does."""
     if isinstance(number, Driven):
+        curve = driver_curve(socket)
         if curve is None or _number_of(curve) != number:
             clear_driver(socket)
             _add_driver(socket, number)
         return
     clear_driver(socket)
-    if socket.default_value != number:
+    if isinstance(number, Keyed):
+        _write_keys(socket, number)
+        return
+    _clear_keys(socket)
+    if socket.default_value != np.float32(number):
         socket.default_value = number
 
 
@@ -57,6 +66,38 @@ def clear_driver(socket):
     """Remove the driver of the socket's value, if it has one; the value stays."""
     if driver_curve(socket) is not None:
         socket.driver_remove("default_value")
+
+
+def _write_keys(socket, number: Keyed):
+    keys = np.stack([number.frames, number.values], axis=1).astype(np.float32)
+    curve = _key_curve(socket)
+    if curve is not None and np.array_equal([key.co[:] for key in curve.keyframe_points], keys):
+        return
+    _clear_keys(socket)
+    for frame, value in keys.tolist():
+        socket.default_value = value
+        socket.keyframe_insert("default_value", frame=frame)
+    for key in _key_curve(socket).keyframe_points:
+        key.interpolation = "LINEAR"
+
+
+def _clear_keys(socket):
+    curve = _key_curve(socket)
+    if curve is not None:
+        _bag(socket).fcurves.remove(curve)
+
+
+def _key_curve(socket) -> bpy.types.FCurve | None:
+    bag = _bag(socket)
+    return bag.fcurves.find(socket.path_from_id("default_value")) if bag else None
+
+
+def _bag(socket):
+    """The animation curves of the socket's node tree, or None."""
+    animation = socket.id_data.animation_data
+    if animation is None or animation.action is None or animation.action_slot is None:
+        return None
+    return action_get_channelbag_for_slot(animation.action, animation.action_slot)
 
 
 def _add_driver(socket, number: Driven):
@@ -79,12 +120,6 @@ def _add_variable(driver, variable: Variable):
         target.context_property = variable.source
         target.data_path = variable.channel
         return
-    if variable.kind == "TRANSFORMS":
-        target.id = variable.source
-        target.transform_type = variable.channel
-        target.transform_space = "WORLD_SPACE"
-        target.rotation_mode = ROTATION_ORDER
-        return
     target.id_type = variable.source.id_type
     target.id = variable.source
     target.data_path = variable.channel
@@ -99,5 +134,4 @@ def _variable_of(entry) -> Variable:
     target = entry.targets[0]
     if entry.type == "CONTEXT_PROP":
         return Variable(entry.name, entry.type, target.context_property, target.data_path)
-    channel = target.transform_type if entry.type == "TRANSFORMS" else target.data_path
-    return Variable(entry.name, entry.type, target.id, channel)
+    return Variable(entry.name, entry.type, target.id, target.data_path)
