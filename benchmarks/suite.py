@@ -74,12 +74,17 @@ def scene_hash(name) -> str:
     """
     module = scene_module(name)
     scene = scene_with(name, lambda image, **surface: bpy.data.materials.new("Glint"))
+    return scene_digest(scene, repr((SIZE, sorted(module.SURFACE.items()))), [bpy.data.images["Normal map"]])
+
+
+def scene_digest(scene, described: str, images) -> str:
+    """Hexadecimal digest of `images`, of objects and world of `scene`, and of what else is `described` (materials)."""
     scene.view_layers[0].update()
-    digest = hashlib.sha256(repr((SIZE, sorted(module.SURFACE.items()))).encode())
-    image = bpy.data.images["Normal map"]
-    pixels = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(pixels)
-    digest.update(repr(image.size[:]).encode() + np.round(pixels * MAP_STEPS).astype(np.int16).tobytes())
+    digest = hashlib.sha256(described.encode())
+    for image in images:
+        pixels = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(pixels)
+        digest.update(repr(image.size[:]).encode() + np.round(pixels * MAP_STEPS).astype(np.int16).tobytes())
     for obj in sorted(scene.objects, key=lambda each: each.name):
         digest.update(repr((obj.name, _rounded(value for row in obj.matrix_world for value in row))).encode())
         digest.update(repr(_settings(obj.data)).encode())

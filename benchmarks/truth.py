@@ -48,35 +48,46 @@ class Truth:
 
 def stored(name) -> Truth:
     """The truth of scene `name`. Raises FileNotFoundError if there is none: `make truth SCENE=name` makes it."""
-    with np.load(_file(name)) as data:
+    return read_truth(_file(name))
+
+
+def renew(name, *, noise=NOISE, part_spp=PART_SPP, most_parts=1000) -> Truth:
+    """Render parts of scene `name` until its relative noise is at most `noise`, and store the truth; see `converge`."""
+    scene_hash = suite.scene_hash(name)
+    scene = suite.nodes_scene(name, part_spp)
+    return converge(_file(name), scene, scene_hash, noise=noise, part_spp=part_spp, most_parts=most_parts)
+
+
+def read_truth(file: Path) -> Truth:
+    """The truth stored in `file`. Raises FileNotFoundError if there is none."""
+    with np.load(file) as data:
         mean, variance = data["mean"].astype(np.float64), data["variance"].astype(np.float64)
         return Truth(
             mean, variance, int(data["spp"]), int(data["seeds"]), str(data["blender"]), str(data["scene_hash"])
         )
 
 
-def renew(name, *, noise=NOISE, part_spp=PART_SPP, most_parts=1000) -> Truth:
-    """Render parts of scene `name` until its relative noise is at most `noise`, and store the truth.
+def converge(file: Path, scene, scene_hash, *, noise=NOISE, part_spp=PART_SPP, most_parts=1000) -> Truth:
+    """Render parts of `scene` until the relative noise of their mean is at most `noise`; stored in `file` after each.
 
-    Goes on with a stored truth of the same scene, spp and Blender; begins anew otherwise.
+    Goes on with what the file holds of the same scene, spp and Blender; begins anew otherwise.
     """
-    scene_hash = suite.scene_hash(name)
-    truth = _unfinished(name, part_spp, scene_hash)
-    scene = suite.nodes_scene(name, part_spp)
+    truth = _unfinished(file, part_spp, scene_hash)
+    scene.cycles.samples = part_spp
     while truth is None or truth.seeds < FEWEST_PARTS or truth.noise > noise and truth.seeds < most_parts:
         scene.cycles.seed = FIRST_SEED + (truth.seeds if truth else 0)
         part = measure.luminance(measure.rendered(scene))
         truth = _with_part(truth, part, part_spp, scene_hash)
-        _store(name, truth)
-        sys.stderr.write(f"{name}: {truth.seeds} x {truth.spp} spp, own noise {truth.noise:.4f}\n")
+        _store(file, truth)
+        sys.stderr.write(f"{file.stem}: {truth.seeds} x {truth.spp} spp, own noise {truth.noise:.4f}\n")
     return truth
 
 
-def _unfinished(name, part_spp, scene_hash):
-    """The stored truth, if further parts may be added to it."""
-    if not _file(name).is_file():
+def _unfinished(file, part_spp, scene_hash):
+    """The truth in `file`, if further parts may be added to it."""
+    if not file.is_file():
         return None
-    truth = stored(name)
+    truth = read_truth(file)
     same = (truth.scene_hash, truth.spp, truth.blender) == (scene_hash, part_spp, bpy.app.version_string)
     return truth if same else None
 
@@ -92,10 +103,10 @@ def _with_part(truth, part, part_spp, scene_hash):
     return Truth(mean, squares / (n * (n + 1)), part_spp, n + 1, truth.blender, truth.scene_hash)
 
 
-def _store(name, truth):
+def _store(file, truth):
     """Write the truth, whole or not at all; as 32-bit floats, whose rounding is far below any noise."""
-    FOLDER.mkdir(exist_ok=True)
-    part = _file(name).with_suffix(".part.npz")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_suffix(".part.npz")
     np.savez_compressed(
         part,
         mean=truth.mean.astype(np.float32),
@@ -105,7 +116,7 @@ def _store(name, truth):
         blender=truth.blender,
         scene_hash=truth.scene_hash,
     )
-    part.replace(_file(name))
+    part.replace(file)
 
 
 def _file(name):
