@@ -9,8 +9,9 @@ import pytest
 from glint_addon.lights.choice import TOO_MANY
 from glint_addon.lights.hints import scene_hints
 from glint_addon.lights.irradiance import irradiance
-from glint_addon.lights.lamps import MISSES, SOFT_HALF_ANGLE
+from glint_addon.lights.lamps import MISSES
 from glint_addon.lights.receivers import glint_objects, lit_objects, world_bounds
+from glint_addon.lights.softness import SOFT_HALF_ANGLE, TOO_SOFT
 from glint_addon.nodes import glint_bsdf, glint_lights
 from tests.helpers import cycles
 
@@ -115,7 +116,7 @@ def softly(lamp):
     """Its middle sees the square outside its cone, its edge does not."""
     lamp.location = (1.5, 0, 1)
     lamp.data.spot_size = 0.1
-    lamp.data.shadow_soft_size = 1.0
+    lamp.data.shadow_soft_size = 0.6
 
 
 @pytest.mark.parametrize(("kind", "turn", "kept"), [
@@ -130,6 +131,20 @@ def test_a_light_that_shines_past_every_glint_is_skipped(scene, kind, turn, kept
     hints, skipped = scene_hints(scene)
     assert names(hints) == (["Lamp"] if kept else [])
     assert skipped == ([] if kept else [("Lamp", MISSES)])
+
+
+@pytest.mark.parametrize(("kind", "size"), [("POINT", "shadow_soft_size"), ("AREA", "size")])
+def test_a_light_that_looks_wide_to_all_glints_is_skipped_while_it_stays(scene, kind, size):
+    square = glinting_square()
+    lamp = add_lamp(scene, "Lamp", kind, **{size: 0.5})
+    assert names(scene_hints(scene)[0]) == ["Lamp"]
+    setattr(lamp.data, size, 5.0)
+    assert scene_hints(scene) == ([], [("Lamp", TOO_SOFT)])
+    square.scale = (20, 20, 1)  # its far corners see the light small
+    assert names(scene_hints(scene)[0]) == ["Lamp"]
+    square.scale = (1, 1, 1)
+    lamp.keyframe_insert("location", frame=1)
+    assert names(scene_hints(scene)[0]) == ["Lamp"]
 
 
 def parent_moves(lamp, square):
@@ -329,6 +344,8 @@ IRRADIANCES = [
     ("AREA", {"energy": 100.0, "shape": "RECTANGLE", "size": 0.2, "size_y": 0.1, "normalize": False}, 2),
     ("AREA", {"energy": 100.0, "shape": "DISK", "size": 4.0}, 1),
     ("AREA", {"energy": 100.0, "shape": "ELLIPSE", "size": 0.2, "size_y": 0.1, "normalize": False}, 3),
+    ("AREA", {"energy": 100.0, "shape": "DISK", "size": 0.02, "spread": 0.5}, 1),
+    ("AREA", {"energy": 100.0, "shape": "SQUARE", "size": 0.002, "spread": 0.2}, 1),
     ("SUN", {"energy": 3.0, "angle": 0.05}, 1),
     ("SUN", {"energy": 300.0, "angle": 0.05, "normalize": False}, 1),
 ]

@@ -29,7 +29,11 @@ def irradiance(lamp, low: np.ndarray, high: np.ndarray, energy: float) -> float:
 
     if lamp.data.type == "AREA":
         # Exact on the axis of a disk; close by it is what the surface itself sends out.
-        values = flux / (pi * distance**2 + size.emitter_area(lamp)) * _in_front(position, axis, low, high)
+        half_spread = lamp.data.spread / 2
+        values = flux / (_spread_part(half_spread) * pi * distance**2 + size.emitter_area(lamp))
+        values = values * _in_front(position, axis, low, high)
+        radius = size.light_size(lamp)
+        values = values * _in_cone(position, axis, half_spread, low - radius, high + radius)
     else:
         values = flux / (4 * pi * np.maximum(distance, size.light_size(lamp)) ** 2)
     if lamp.data.type == "SPOT":
@@ -53,6 +57,11 @@ def _flux_factor(lamp) -> float:
     if light.type == "SUN":
         return pi * sin(light.angle / 2) ** 2 or 1.0  # a sun without size stays as it is
     return size.emitter_area(lamp) or 1.0
+
+
+def _spread_part(half_spread) -> float:
+    """Solid angle of an area light's beam relative to one that shines all around (`AreaLight::copy_to_kernel`)."""
+    return 1.0 - half_spread / tan(half_spread) if half_spread > 0 else 0.0
 
 
 def _in_front(position, axis, low, high):

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from math import radians
-
 from ..motion import copies_others, has_fixed_box, is_fixed
 from ..nodes.glint_lights import KIND_LOCAL, KIND_SUN
 from .animation import is_animated, peak_value
 from .hint import Hint
 from .irradiance import irradiance, tint
 from .receivers import lit_objects, world_bounds
-from .size import light_size
-
-# A sun of this half-angle moves the half vector by half of it, 7.5 degrees, as much as the texels of most normal maps
-# do: a normal drawn at random meets such a sun often enough, and the plain lobe is as smooth as the hinted one.
-SOFT_HALF_ANGLE = radians(15.0)
+from .size import cross_section, light_size
+from .softness import SOFT_HALF_ANGLE, TOO_SOFT, least_half_angle
 
 MISSES = "shines past every object with glints, which are outside its cone or behind it"
 
@@ -33,9 +28,10 @@ def lamp_hints(scene, rendered, receivers, bounds) -> tuple[list[Hint], list[tup
     for lamp in (thing for thing in scene.objects if thing.type == "LIGHT"):
         lit = lit_objects(lamp, receivers)
         reason = _reason_to_skip(lamp, lamp in rendered, bool(lit) or not receivers)
-        hint = _hint(lamp, bounds if len(lit) == len(receivers) else world_bounds(lit))
-        if not reason and hint.power == 0 and is_still and is_fixed(lamp):
-            reason = MISSES
+        boxes = bounds if len(lit) == len(receivers) else world_bounds(lit)
+        hint = _hint(lamp, boxes)
+        if not reason and is_still and is_fixed(lamp):
+            reason = MISSES if hint.power == 0 else TOO_SOFT if _is_soft(lamp, boxes) else ""
         if reason:
             skipped.append((lamp.name, reason))
         else:
@@ -54,7 +50,7 @@ def _reason_to_skip(lamp, in_rendered_collection: bool, lights_receivers: bool) 
         (max(tint(light)) <= 0 and not is_animated(light, "color"), "its colour is black"),
         (not lamp.visible_glossy, "not visible to glossy rays"),
         (light.type == "AREA" and light.cycles.is_portal, "a portal, which sends out no light of its own"),
-        (half_angle > SOFT_HALF_ANGLE, "so wide a sun that plain sampling is already smooth"),
+        (half_angle > SOFT_HALF_ANGLE and not is_animated(light, "angle"), TOO_SOFT),
         (not lights_receivers, "light linking excludes every object with glints"),
         (_instances_children(lamp.parent), f'instanced by "{lamp.parent and lamp.parent.name}": no driver can follow'),
     )
@@ -75,6 +71,12 @@ def _hint(lamp, bounds) -> Hint:
     kind = KIND_SUN if lamp.data.type == "SUN" else KIND_LOCAL
     power = irradiance(lamp, *bounds, peak_value(lamp.data, "energy"))
     return Hint(lamp.name, kind, power, light_size(lamp), lamp)
+
+
+def _is_soft(lamp, boxes) -> bool:
+    if lamp.data.type == "SUN":
+        return False  # judged above, moving or not
+    return least_half_angle(lamp.matrix_world.translation, cross_section(lamp), *boxes) > SOFT_HALF_ANGLE
 
 
 def _instances_children(parent) -> bool:

@@ -27,6 +27,12 @@ def emitter_area(lamp) -> float:
     return width * height * (pi / 4 if _is_round(lamp.data) else 1)
 
 
+def cross_section(lamp) -> float:
+    """Area [m^2] that a point, spot or area light object shows from afar: an area light from the front."""
+    area = emitter_area(lamp)
+    return area if lamp.data.type == "AREA" else area / 4
+
+
 def _sides(lamp):
     """Width and height of an area light in metres; squares and disks have one length for both."""
     light = lamp.data
