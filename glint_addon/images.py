@@ -31,6 +31,11 @@ def image_pixels(image: bpy.types.Image) -> np.ndarray:
     Raises MapError if they cannot be read.
     """
     _check(image)
+    return read_pixels(image)
+
+
+def read_pixels(image: bpy.types.Image) -> np.ndarray:
+    """`image_pixels` of any image that has pixels, whatever it shows."""
     width, height = image.size
     pixels = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(pixels)

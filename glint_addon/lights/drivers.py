@@ -62,6 +62,8 @@ def _write_vector(group, node_name, numbers):
 
 def _place(hint):
     """Direction towards a sun, position of any other light."""
+    if hint.live is not None:
+        return hint.live[:3]
     if hint.direction is not None:
         return hint.direction
     if _poses(hint):

@@ -1,0 +1,208 @@
+"""Small bright spots of an environment picture: the sun of an HDRI, lamps, windows far away.
+
+Pure numpy. A picture is a map from the unit square to the sphere of directions, as Cycles has it
+(kernel/camera/projection.h): u grows with the columns, v with the rows from the bottom.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, pi
+
+import numpy as np
+
+# Blocks across a picture's width: of 0.7 degrees, about the size of the sun, so that a spot is one or a few of them.
+BLOCKS = 512
+
+# A spot sends out this share of all the picture's light, or it is none. Half a percent, mirrored by a rough surface, is
+# about 5 % of a pixel's light, but by one texel in fifty: to Blender's nodes as much noise as all the rest.
+SHARE = 0.005
+# A spot is this many times brighter than the picture's mean. One of `SHARE` and 5 degrees across is 10 times as bright.
+BRIGHTNESS = 4.0
+# Where a spot falls below this part of its peak it ends; beyond is its glow. The limb of the sun has 0.4.
+EDGE = 0.1
+# The radius of a spot holds this part of its light; a disk's is 0.95 of its true one.
+HELD = 0.9
+# Linear interpolation spreads 0.9 of a texel's light to this many texels from its centre; a whole texel has 0.71.
+TEXEL_RADIUS = 0.75
+
+NEIGHBOURS = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1) if (row, column) != (0, 0)]
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place of the picture: unit vector towards it, radius [rad], irradiance [W/m^2] of what it adds to the rest."""
+
+    direction: tuple[float, float, float]
+    half_angle: float
+    irradiance: float
+
+
+def bright_spots(pixels: np.ndarray, projection: str, widest: float) -> tuple[list[Spot], int]:
+    """Spots of an environment picture, strongest first, and how many are larger than a disk of `widest` [rad].
+
+    pixels: linear radiance (height, width, 3 or more), row 0 at the bottom; what is negative or not finite counts as
+    black, as in Cycles. projection: EQUIRECTANGULAR or MIRROR_BALL.
+    """
+    view = PROJECTIONS[projection](*pixels.shape[:2])
+    blocks = _Blocks(pixels, view)
+    mean = blocks.power.sum() / (4 * pi)
+    if mean <= 0:
+        return [], 0
+
+    spots, wide = [], 0
+    for region in _regions(blocks.radiance, BRIGHTNESS * mean, view.wraps):
+        if sum(blocks.power[block] for block in region) < SHARE * 4 * pi * mean:
+            continue
+        if sum(blocks.solid_angle[block] for block in region) > 2 * pi * (1 - cos(widest)):
+            wide += 1
+            continue
+        spot = _measured(blocks, region)
+        if spot.irradiance >= SHARE * 4 * pi * mean:
+            spots.append(spot)
+    return sorted(spots, key=lambda spot: -spot.irradiance), wide
+
+
+class Equirectangular:
+    """Longitude over latitude, the whole sphere."""
+
+    wraps = True
+
+    def __init__(self, height: int, width: int):
+        self.height, self.width = height, width
+
+    def solid_angle(self, rows, columns) -> np.ndarray:
+        """Of the texels at integer rows and columns [sr]."""
+        low, high = ((rows + step) * pi / self.height - pi / 2 for step in (0, 1))
+        return (np.sin(high) - np.sin(low)) * 2 * pi / self.width + 0 * columns
+
+    def direction(self, rows, columns) -> np.ndarray:
+        """Unit vectors (..., 3) through the texels' centres."""
+        longitude = pi - 2 * pi * (columns + 0.5) / self.width
+        latitude = pi * (rows + 0.5) / self.height - pi / 2
+        flat = np.cos(latitude)
+        return np.stack([flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude) + 0 * columns], axis=-1)
+
+
+class MirrorBall:
+    """The world in a mirrored sphere, seen along +Y: every texel of the disk has the same solid angle."""
+
+    wraps = False
+
+    def __init__(self, height: int, width: int):
+        self.height, self.width = height, width
+
+    def solid_angle(self, rows, columns) -> np.ndarray:
+        """Of the texels at integer rows and columns [sr], 0 for those whose centre is off the disk."""
+        x, z = self._place(rows, columns)
+        return np.where(x**2 + z**2 <= 1, 16 / (self.width * self.height), 0.0)
+
+    def direction(self, rows, columns) -> np.ndarray:
+        """Unit vectors (..., 3) through the texels' centres."""
+        x, z = self._place(rows, columns)
+        # The sphere's normal (x, -y, z) mirrors a ray along +Y.
+        y = np.sqrt(np.maximum(1 - x**2 - z**2, 0))
+        return np.stack([2 * y * x, 1 - 2 * y**2, 2 * y * z], axis=-1)
+
+    def _place(self, rows, columns):
+        x, z = np.broadcast_arrays(2 * (columns + 0.5) / self.width - 1, 2 * (rows + 0.5) / self.height - 1)
+        return x, z
+
+
+PROJECTIONS = {"EQUIRECTANGULAR": Equirectangular, "MIRROR_BALL": MirrorBall}
+
+
+class _Blocks:
+    """The picture in blocks of about equal sides: power [W/m^2], solid angle [sr] and mean radiance of each."""
+
+    def __init__(self, pixels, view):
+        self.pixels, self.view = pixels, view
+        side = -(-view.width // BLOCKS)
+        self.rows, self.columns = np.arange(0, view.height, side), np.arange(0, view.width, side)
+        self.side = side
+        sums = [self._row_of_sums(row) for row in self.rows]
+        self.power, self.solid_angle = (np.array(part) for part in zip(*sums, strict=True))
+        self.radiance = self.power / np.maximum(self.solid_angle, np.finfo(float).tiny)
+
+    def texels(self, block):
+        """Radiance, solid angle and direction of the texels of a block (row, column), flat."""
+        rows, columns = (slice(start[index], start[index] + self.side)
+                         for start, index in zip((self.rows, self.columns), block, strict=True))
+        values = strength(self.pixels[rows, columns])
+        places = np.mgrid[rows, columns][:, :values.shape[0], :values.shape[1]]
+        return values.ravel(), self.view.solid_angle(*places).ravel(), self.view.direction(*places).reshape(-1, 3)
+
+    def _row_of_sums(self, row):
+        values = strength(self.pixels[row:row + self.side])
+        texels = np.ogrid[row:row + len(values), :self.view.width]
+        solid_angle = self.view.solid_angle(*texels)
+        return [np.add.reduceat(part.sum(axis=0), self.columns) for part in (values * solid_angle, solid_angle)]
+
+
+def strength(pixels) -> np.ndarray:
+    """The largest of red, green and blue, by which lights are ranked; 0 where it is negative or not finite."""
+    largest = np.maximum(np.maximum(pixels[..., 0], pixels[..., 1]), pixels[..., 2])
+    return np.where((largest > 0) & np.isfinite(largest), largest, 0.0)
+
+
+def _regions(radiance, threshold, wraps):
+    """Sets of connected blocks around peaks above `threshold`, brightest first; a peak's own glow is left out."""
+    taken = np.zeros(radiance.shape, bool)
+    bright = np.argwhere(radiance > threshold)
+    for peak in bright[np.argsort(-radiance[tuple(bright.T)], kind="stable")]:
+        peak = tuple(map(int, peak))
+        if taken[peak]:
+            continue
+        # The brightest block of a glow touches what it surrounds.
+        is_glow = any(taken[block] for block in _around(peak, radiance.shape, wraps))
+        region = _flooded(peak, radiance, max(threshold, EDGE * radiance[peak]), taken, wraps)
+        if not is_glow:
+            yield region
+
+
+def _flooded(peak, radiance, level, taken, wraps):
+    """The free blocks above `level` that are connected to `peak`; they are taken then."""
+    taken[peak] = True
+    region = [peak]
+    for block in region:  # grows meanwhile
+        for near in _around(block, radiance.shape, wraps):
+            if not taken[near] and radiance[near] >= level:
+                taken[near] = True
+                region.append(near)
+    return region
+
+
+def _around(block, shape, wraps):
+    """The up to eight blocks around one; the columns of a picture that wraps go round."""
+    for row, column in NEIGHBOURS:
+        row, column = block[0] + row, block[1] + column
+        if wraps:
+            column %= shape[1]
+        if 0 <= row < shape[0] and 0 <= column < shape[1]:
+            yield row, column
+
+
+def _measured(blocks, region) -> Spot:
+    """Middle, radius and irradiance of what stands out of a region's surroundings, from its own texels."""
+    shape, wraps = blocks.radiance.shape, blocks.view.wraps
+    edge = _rim(region, shape, wraps)
+    around = [blocks.radiance[block] for block in _rim([*region, *edge], shape, wraps)]
+    background = np.median(around) if around else 0.0
+    texels = zip(*(blocks.texels(block) for block in [*region, *edge]), strict=True)
+    values, solid_angle, direction = (np.concatenate(part) for part in texels)
+    power = np.maximum(values - background, 0) * solid_angle
+    middle = power @ direction
+    middle /= max(np.linalg.norm(middle), np.finfo(float).tiny)
+
+    # By the chord: the cosine of a small angle is too rough.
+    angle = 2 * np.arcsin(np.minimum(np.linalg.norm(direction - middle, axis=1) / 2, 1))
+    order = np.argsort(angle)
+    held = np.cumsum(power[order])
+    radius = angle[order][np.searchsorted(held, HELD * held[-1])]
+    texel = np.sqrt(solid_angle.max())
+    return Spot(tuple(map(float, middle)), float(radius + TEXEL_RADIUS * texel), float(power.sum()))
+
+
+def _rim(region, shape, wraps):
+    """The blocks that touch a region from outside, in a fixed order."""
+    return sorted({near for block in region for near in _around(block, shape, wraps)} - set(region))

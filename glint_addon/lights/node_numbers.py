@@ -1,0 +1,99 @@
+"""Sockets of shader nodes followed to what feeds them: through reroutes, groups, muted nodes, to numbers that may move.
+
+Where a node lies is told as its socket and `groups`, the group nodes that one went into to reach it, outermost first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+
+from ..nodes.driven import Variable
+from .animation import is_animated, peak_value
+
+COMBINED = {"X": 0, "Y": 1, "Z": 2}
+
+
+@dataclass(frozen=True)
+class Number:
+    """A property that holds one number: its value now and at its keys' peak, whether it moves, and where it is.
+
+    owner, path: what a driver reads it by. A node tree inside a data-block is read through that: drivers of a bare
+    embedded tree are not updated.
+    """
+
+    value: float
+    peak: float
+    moves: bool
+    owner: bpy.types.ID
+    path: str
+
+
+def source(socket, groups=()):
+    """What feeds input `socket`: (output of a node, groups), or (unlinked input that holds the value, groups).
+
+    (None, groups) where a muted node lets nothing through, or a group has lost its output or its input.
+    """
+    while socket is not None and not socket.is_output:
+        link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
+        if link is None or not socket.enabled:
+            return socket, groups
+        socket, groups = _through(link.from_socket, groups)
+    return socket, groups
+
+
+def _through(output, groups):
+    """`output` itself, or the input whose value it passes on, with that one's groups."""
+    node = output.node
+    if node.mute:
+        return next((link.from_socket for link in node.internal_links if link.to_socket == output), None), groups
+    if node.bl_idname == "NodeReroute":
+        return node.inputs[0], groups
+    if node.bl_idname == "ShaderNodeGroup" and node.node_tree:
+        ends = [end for end in node.node_tree.nodes if end.bl_idname == "NodeGroupOutput" and end.is_active_output]
+        return (_same(ends[0].inputs, output), (*groups, node)) if ends else (None, groups)
+    if node.bl_idname == "NodeGroupInput" and groups:
+        return _same(groups[-1].inputs, output), groups[:-1]
+    return output, groups
+
+
+def _same(sockets, socket):
+    return next((other for other in sockets if other.identifier == socket.identifier), None)
+
+
+def number(holder, socket, groups=(), axis=None) -> Number | None:
+    """What a socket holds (its component `axis`, 0 to 2, if it is a vector), or None where only Cycles could tell.
+
+    holder: the data-block whose own node tree the nodes outside of groups are in.
+    """
+    end, groups = source(socket, groups)
+    if end is not None and end.is_output and end.node.bl_idname == "ShaderNodeCombineXYZ" and axis is not None:
+        component = next(entry for entry in end.node.inputs if COMBINED.get(entry.identifier) == axis)
+        return number(holder, component, groups)
+    if end is None or end.is_output and end.node.bl_idname != "ShaderNodeValue":
+        return None
+    is_vector = end.type == "VECTOR"
+    return number_at(holder, end.id_data, end.path_from_id("default_value"), axis if is_vector else None)
+
+
+def node_number(holder, node, name: str) -> Number:
+    """Property `name` of a node itself."""
+    return number_at(holder, node.id_data, node.path_from_id(name))
+
+
+def number_at(holder, tree, path: str, axis=None) -> Number:
+    """The number at `path` of node tree `tree`, its component `axis` if it is a vector."""
+    index = axis or 0
+    value = tree.path_resolve(path)
+    owner, prefix = (holder, "node_tree.") if tree == holder.node_tree else (tree, "")
+    suffix = "" if axis is None else f"[{axis}]"
+    return Number(
+        value if axis is None else value[axis], peak_value(tree, path, index), is_animated(tree, path, index),
+        owner, f"{prefix}{path}{suffix}",
+    )
+
+
+def read(name: str, what: Number) -> Variable:
+    """A driver's variable `name` that reads a number."""
+    return Variable(name, "SINGLE_PROP", what.owner, what.path)

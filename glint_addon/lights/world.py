@@ -1,0 +1,122 @@
+"""Small bright lights of the world: spots of environment textures, the suns of sky textures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..images import USABLE_SOURCES, read_pixels
+from ..nodes.driven import Driven
+from ..nodes.glint_lights import HINT_COUNT, KIND_SUN
+from .environment_spots import bright_spots
+from .hint import Hint
+from .lamps import SOFT_HALF_ANGLE
+from .node_numbers import node_number
+from .sky_sun import SKIES_WITH_SUN, sun_half_angle, sun_irradiance, sun_kind, sun_vector
+from .trigonometry import Angles, constant
+from .world_direction import UnreadableMappingError, in_world
+from .world_textures import world_textures
+
+SMOOTH = "are so wide that plain sampling finds them"
+LEFT = "small lights in it are left to the remainder, which is noisier"
+
+
+def world_hints(scene, layers=()) -> tuple[list[Hint], list[tuple[str, str]]]:
+    """Hints for the small bright lights of the world of `scene`, and what is skipped as (name, reason in words).
+
+    layers: view layers whose override of the world counts. Nothing of the world raises: what cannot be read is skipped.
+    """
+    worlds = [layer.world_override or scene.world for layer in layers] or [scene.world]
+    hints, skipped = [], []
+    for world in dict.fromkeys(worlds):
+        if world is not None and world.node_tree is not None:
+            found, left = _hints_of(world)
+            hints += found
+            skipped += left
+    return hints, skipped
+
+
+def _hints_of(world):
+    textures, reasons = world_textures(world)
+    if textures and not world.cycles_visibility.glossy:
+        return [], [(world.name, "not visible to glossy rays")]
+    skipped = [(world.name, reason) for reason in reasons]
+
+    spots, suns = [], []
+    for texture in textures:
+        try:
+            if texture.node.bl_idname == "ShaderNodeTexSky":
+                suns += _sun(world, texture)
+            else:
+                found, left = _spots(world, texture)
+                spots += found
+                skipped += left
+        except UnreadableMappingError as reason:
+            skipped.append((world.name, f"{reason}: {LEFT}"))
+    spots = sorted(spots, key=lambda spot: -spot["power"])[:HINT_COUNT]
+    return _named(world, "sun", suns) + _named(world, "spot", spots), skipped
+
+
+def _named(world, word, parts) -> list[Hint]:
+    """Hints with the names "<world> sun", or "<world> sun 1" and so on if there are more."""
+    names = [f"{world.name} {word}" + (f" {index}" if len(parts) > 1 else "") for index in range(1, len(parts) + 1)]
+    return [Hint(name, KIND_SUN, **part) for name, part in zip(names, parts, strict=True)]
+
+
+def _sun(world, texture) -> list[dict]:
+    """The sun of a Sky Texture, as one hint's settings or none."""
+    node = texture.node
+    elevation, rotation, size = (node_number(world, node, f"sun_{name}") for name in ("elevation", "rotation", "size"))
+    power = texture.factor * sun_irradiance(world, node)
+    if node.sky_type not in SKIES_WITH_SUN or not node.sun_disc or power <= 0 or size.peak > 2 * SOFT_HALF_ANGLE:
+        return []
+    angles = Angles()
+    vector = sun_vector(elevation, rotation, angles)
+    settings = _settings(world, texture, vector, angles, power, sun_half_angle(size), sun_kind(elevation, size))
+    return [settings | ({"size": size.value / 2} if size.moves else {})]
+
+
+def _spots(world, texture) -> tuple[list[dict], list[tuple[str, str]]]:
+    """The spots of an Environment Texture, as hints' settings, and what is skipped."""
+    image = texture.node.image
+    if image is None:
+        return [], []
+    if image.source not in USABLE_SOURCES:
+        return [], [(world.name, f'"{image.name}" is a {image.source.lower()}, no still image: {LEFT}')]
+    if 0 in image.size[:]:
+        return [], [(world.name, f'"{image.name}" has no pixels: find its file with File > External Data')]
+    found, wide = bright_spots(linear_pixels(image), texture.node.projection, SOFT_HALF_ANGLE)
+    parts = []
+    for spot in found:
+        power = texture.factor * spot.irradiance
+        angles = Angles()
+        parts.append(_settings(world, texture, constant(spot.direction), angles, power, spot.half_angle, KIND_SUN))
+    return parts, [(world.name, f'{wide} bright areas of "{image.name}" {SMOOTH}')] if wide else []
+
+
+def _settings(world, texture, vector, angles, power, half_angle, kind) -> dict:
+    """What a hint needs for a light that a texture shows in the direction `vector` of its own."""
+    vector = in_world(world, texture, vector, angles)
+    numbers = angles.over_time(vector)
+    if numbers is None:
+        raise UnreadableMappingError(f'too many of the Mapping nodes of "{texture.node.name}" move')
+    live = tuple(_socket_number(entry) for entry in (*numbers, kind, half_angle))
+    moves = any(isinstance(entry, Driven) for entry in live)
+    direction = tuple(map(_socket_number, angles.now(vector)))
+    return {"power": power, "size": live[4], "direction": direction, "live": live if moves else None}
+
+
+def _socket_number(number: Driven | float) -> Driven | float:
+    """A number as sockets hold it, 32 bits, so that writing it again changes nothing."""
+    return number if isinstance(number, Driven) else float(np.float32(number))
+
+
+def linear_pixels(image) -> np.ndarray:
+    """Scene-linear pixels (height, width, channels) of an image, row 0 at the bottom; a file is closed again."""
+    is_loaded = image.has_data
+    pixels = read_pixels(image)
+    if not is_loaded and image.source == "FILE":
+        image.buffers_free()
+    if not image.is_float and not image.colorspace_settings.is_data:
+        # Bytes come as they are stored: as sRGB, whose curve is near enough to that of other displays.
+        pixels = np.where(pixels <= 0.04045, pixels / 12.92, ((pixels + 0.055) / 1.055) ** 2.4)
+    return pixels
