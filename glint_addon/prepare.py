@@ -9,12 +9,12 @@ import bpy
 
 from . import paths
 from .jobs import Job, finished
+from .light_sets import connect_lights
 from .lights.animation import is_animated
-from .lights.drivers import connect_hints
-from .lights.hints import rendered_objects, scene_hints
+from .lights.hints import rendered_objects
 from .map_tables import bake_plan, is_missing, map_plans, named_levels, remember
 from .material import glint_groups
-from .nodes import glint_bsdf, glint_lights, image_texture
+from .nodes import glint_bsdf, image_texture
 from .nodes.script_node import osl_available
 from .table_budget import DEFAULT_BUDGET, fit_budget
 from .visibility import unseen_objects
@@ -28,12 +28,13 @@ def prepare_scene(scene, progress=None, *, bake_unseen=None, table_budget=None) 
     progress(fraction 0..1, text) is called often while tables are baked; what it raises, `CancelledError` for one, ends
     the work and leaves scene and disk as they were. bake_unseen: whether to bake for materials that no camera sees as
     well; table_budget: memory in MiB, fractions too, that all tables together may take; both by default the scene's
-    own setting. Returns what was done and skipped: "hints" (names of the lights whose glints are enumerated),
-    "skipped_lights" ([name, reason]), "baked" and "reused" (table paths), "unseen" (names of the materials left without
-    a table, because no camera sees them), "levels" ({map: [first, last] or None}: block sides in texels of the counts,
-    those that the cameras' footprints reach), "mip_levels" (names of the images of Glint Image Textures whose levels
-    were baked), "osl" (whether Cycles can run the lobe), "device", "warnings" (sentences), "counts" ("tables_baked",
-    "tables_in_use", "bytes_baked", "bytes_in_use", "images_read").
+    own setting. Returns what was done and skipped: "hints" (names of the lights whose glints are enumerated in
+    any material), "skipped_lights" ([name, reason] of those in none), "hints_by_material" ({material: [name, ...]}),
+    "left_by_material" ({material: [[name, reason], ...]}: left to chance there), "baked" and "reused" (table paths),
+    "unseen" (names of the materials left without a table, because no camera sees them), "levels" ({map: [first, last]
+    or None}: block sides in texels of the counts, those that the cameras' footprints reach), "mip_levels" (names of the
+    images of Glint Image Textures whose levels were baked), "osl" (whether Cycles can run the lobe), "device",
+    "warnings" (sentences), "counts" ("tables_baked", "tables_in_use", "bytes_baked", "bytes_in_use", "images_read").
     Raises MapError or TableError; the scene is unchanged then.
     """
     progress = progress or (lambda fraction, text: None)
@@ -46,8 +47,9 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
     Closing it early, or an exception, leaves scene and disk as they were.
     """
     groups = scene_glint_groups(scene)
-    report = {"hints": [], "skipped_lights": [], "baked": [], "reused": [], "unseen": [], "levels": {},
-              "mip_levels": [], "osl": osl_available(), "device": _device(scene), "warnings": _warnings(scene, groups),
+    report = {"hints": [], "skipped_lights": [], "hints_by_material": {}, "left_by_material": {}, "baked": [],
+              "reused": [], "unseen": [], "levels": {}, "mip_levels": [], "osl": osl_available(),
+              "device": _device(scene), "warnings": _warnings(scene, groups),
               "counts": dict.fromkeys(COUNTS, 0)}
     # What is linked from another file cannot be changed here; a warning says so.
     groups = [group for group in groups if group.library is None]
@@ -83,10 +85,9 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
             glint_bsdf.set_table(group, *values)
             remember(group, plan.stamp, *values)
     if groups:
-        hints, skipped = scene_hints(scene)
-        connect_hints(glint_lights.build(), scene, hints)
-        report["hints"] = [hint.name for hint in hints]
-        report["skipped_lights"] = [list(pair) for pair in skipped]
+        lights = connect_lights(scene, uses)
+        report["warnings"] += lights.pop("warnings")
+        report |= lights
     if report["osl"] and hasattr(scene, "cycles") and not scene.cycles.shading_system:
         scene.cycles.shading_system = True
     return report

@@ -91,15 +91,9 @@ def group_binding(group) -> MapBinding:
 
 
 def refresh(group):
-    """Rebuild the nodes of a group made by another version, or by a Blender without OSL; its sockets stay linked.
-
-    A group appended from another file brings that file's lights along: it reads this file's from now on.
-    """
+    """Rebuild the nodes of a group made by another version, or by a Blender without OSL; its sockets stay linked."""
     outdated = group[STAMP] != VERSION or (osl_available() and group.nodes.get(SCRIPT_NODE) is None)
     if not outdated:
-        lights = group.nodes.get(LIGHTS_NODE)
-        if lights is not None and lights.node_tree != glint_lights.build():
-            lights.node_tree = glint_lights.build()
         return
     group.nodes.clear()
     _add_nodes(group, group_binding(group))

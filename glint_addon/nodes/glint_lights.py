@@ -1,7 +1,8 @@
-"""Node group "Glint Lights": the scene's small lights and its sample count, read by every glint material.
+"""Node group "Glint Lights": the small lights that a glint material looks for, and the scene's sample count.
 
-The numbers are constants or driven by simple expressions (see `lights.drivers`), so a saved file renders the same
-without the add-on, in batch and in animation.
+Where materials look for different lights, the further sets are "Glint Lights.001" and so on. The numbers
+are constants or driven by simple expressions (see `lights.drivers`), so a saved file renders the same without the
+add-on, in batch and in animation.
 """
 
 from __future__ import annotations
@@ -58,13 +59,23 @@ def build() -> bpy.types.ShaderNodeTree:
 
     Raises SceneError if a group of that name exists that the extension did not make.
     """
-    group = builder.local_group(NAME)
-    if group is None:
-        group = builder.new_group(NAME, VERSION, "Lights that glints look for, and the number of samples")
-        _add_outputs(group)
-        _add_nodes(group)
-        builder.arrange(group)
+    return builder.local_group(NAME) or build_another()
+
+
+def build_another() -> bpy.types.ShaderNodeTree:
+    """One more group of this kind, without any light."""
+    group = builder.new_group(NAME, VERSION, "Lights that glints look for, and the number of samples")
+    _add_outputs(group)
+    _add_nodes(group)
+    builder.arrange(group)
     return group
+
+
+def groups() -> list[bpy.types.ShaderNodeTree]:
+    """All local groups of this kind, "Glint Lights" first, by name."""
+    found = (group for group in bpy.data.node_groups
+             if group.library is None and builder.STAMP in group and shape_name(1) in group.nodes)
+    return sorted(found, key=lambda group: (group.name != NAME, group.name))
 
 
 def _add_outputs(group):

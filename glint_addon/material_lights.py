@@ -1,0 +1,90 @@
+"""What each material of a scene looks for: by its own objects, and by the facets of its own map.
+
+A material that holds its glints inside a group of the user's cannot be told from others that use that group: all such
+materials look for one set of lights.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .lights.choice import Choice, boxes_over, choose, chosen_frames, noise_in_remainder
+from .lights.receivers import lit_objects
+from .nodes.glint_bsdf import is_glint_group
+from .reach import facets_of, reached_hints, scene_views
+
+SHARPEST = 0.01  # alpha that lights are ranked by where a material's roughness cannot be told
+
+
+@dataclass(frozen=True)
+class Family:
+    """Materials that look for the same lights. objects: with any of them; nodes: their Glint BSDF nodes, whose groups
+    may be replaced, none if the materials' groups must stay as they are; groups: the Glint BSDF groups in use."""
+
+    materials: tuple
+    objects: tuple
+    nodes: tuple
+    groups: tuple
+
+
+def material_families(uses) -> list[Family]:
+    """Families by the name of their first material; those of materials that must stay as they are first."""
+    pairs = sorted({(material.name_full, thing.name_full, material, thing) for group in uses
+                    for thing, material in uses[group]}, key=lambda pair: pair[:2])
+    groups, objects = {}, {}
+    for *_, material, thing in pairs:
+        objects.setdefault(material, []).append(thing)
+        groups[material] = tuple(group for group in uses if any(each == material for _, each in uses[group]))
+    held = [material for material in objects if not _is_free(material, groups[material])]
+    single = [Family((material,), tuple(objects[material]), tuple(_nodes(material)), groups[material])
+              for material in objects if material not in held]
+    if not held:
+        return single
+    things = dict.fromkeys(thing for material in held for thing in objects[material])
+    shared = dict.fromkeys(group for material in held for group in groups[material])
+    return [Family(tuple(held), tuple(things), (), tuple(shared)), *single]
+
+
+def _is_free(material, groups) -> bool:
+    """Whether another group may take the place of each of `groups` in a material: it holds them itself."""
+    own = {node.node_tree for node in _nodes(material)}
+    return material.library is None and material.override_library is None and set(groups) <= own and not _holds_deeper(
+        material.node_tree, set()
+    )
+
+
+def _holds_deeper(tree, seen: set, *, at_top=True) -> bool:
+    """Whether a group inside the tree holds a Glint BSDF."""
+    inner = {node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup"} - seen - {None}
+    seen |= inner
+    return any((not at_top) if is_glint_group(each) else _holds_deeper(each, seen, at_top=False) for each in inner)
+
+
+def _nodes(material) -> list:
+    """The Glint BSDF nodes with a map that a material holds itself."""
+    return [node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup"
+            and is_glint_group(node.node_tree) and node.node_tree.get("glint_image") is not None]
+
+
+def material_choices(scene, families, found) -> list[Choice]:
+    """What each family looks for of the hints `found`."""
+    frames, views = chosen_frames(scene), scene_views(scene)
+    everything = {thing for family in families for thing in family.objects}
+    lit = {hint: set(_lit(hint, everything)) for hint in found}
+    chosen = []
+    for family in families:
+        facets = facets_of(family.nodes)
+        alpha = facets.alpha if facets else SHARPEST
+        boxes = {}
+        values = []
+        for hint in found:
+            objects = tuple(thing for thing in family.objects if thing in lit[hint])
+            if objects not in boxes:
+                boxes[objects] = boxes_over(objects, frames)
+            values.append(noise_in_remainder(hint, boxes[objects], frames, alpha))
+        chosen.append(choose(found, values, reached_hints(scene, views, family.objects, facets, found)))
+    return chosen
+
+
+def _lit(hint, objects) -> list:
+    return lit_objects(hint.object, objects) if hint.object is not None else list(objects)

@@ -1,0 +1,86 @@
+"""A mesh in patches: pieces of surface small enough that a light and a camera see each of them from one side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+SIDES = 12  # patches along the longest side of the mesh
+FEWEST = 512  # triangles; fewer are cut, so that a floor of one face has patches too
+MOST_CUTS = 6  # of a triangle, each into four; 4096 pieces are more than there are patches
+
+
+@dataclass(frozen=True)
+class Patches:
+    """Pieces of surface. centres, normals (unit): (n, 3); radii: (n,), of the balls that hold them; spreads: (n,)
+    largest angle [rad] between a patch's normal and the shading normals on it."""
+
+    centres: np.ndarray
+    radii: np.ndarray
+    normals: np.ndarray
+    spreads: np.ndarray
+
+    def moved(self, matrix) -> Patches:
+        """The patches under a rigid motion, (4, 4)."""
+        turn = matrix[:3, :3]
+        return Patches(self.centres @ turn.T + matrix[:3, 3], self.radii, self.normals @ turn.T, self.spreads)
+
+
+def surface_patches(mesh, matrix) -> Patches:
+    """The patches of a mesh in world space; matrix: (4, 4), mesh to world."""
+    points, normals = _triangles(mesh, matrix)
+    longest = np.ptp(points.reshape(-1, 3), axis=0).max()
+    for _ in range(MOST_CUTS):
+        sides = np.linalg.norm(points - np.roll(points, 1, axis=1), axis=2).max(axis=1)
+        large = sides > longest / SIDES
+        if len(points) > FEWEST or not large.any():
+            break
+        points, normals = (np.concatenate([each[~large], _cut(each[large])]) for each in (points, normals))
+
+    # Gather triangles of one cube of space that face the same way.
+    middle = points.mean(axis=1)
+    cube = np.floor((middle - middle.min(axis=0)) / max(longest, 1e-12) * SIDES).astype(int)
+    facing = normals.mean(axis=1)
+    side = np.argmax(np.abs(facing), axis=1)
+    is_back = np.take_along_axis(facing, side[:, None], axis=1)[:, 0] < 0
+    keys = np.column_stack([cube, side, is_back])
+    _, patch, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    patch = patch.ravel()
+
+    centres, sums = np.zeros((len(counts), 3)), np.zeros((len(counts), 3))
+    np.add.at(centres, patch, middle)
+    np.add.at(sums, patch, facing)
+    centres /= counts[:, None]
+    axes = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12)
+    radii, cosines = np.zeros(len(counts)), np.ones(len(counts))
+    np.maximum.at(radii, patch, np.linalg.norm(points - centres[patch][:, None], axis=2).max(axis=1))
+    np.minimum.at(cosines, patch, (normals * axes[patch][:, None]).sum(axis=2).min(axis=1))
+    return Patches(centres, radii, axes, np.arccos(np.clip(cosines, -1.0, 1.0)))
+
+
+def _triangles(mesh, matrix):
+    """Corners (n, 3, 3) of the mesh's triangles and the shading normals there, in world space."""
+    mesh.calc_loop_triangles()
+    loops = _values(mesh.loop_triangles, "loops", np.int32, 3)
+    corners = _values(mesh.loop_triangles, "vertices", np.int32, 3)
+    points = _values(mesh.vertices, "co", np.float32, 3).astype(float)[corners]
+    normals = _values(mesh.corner_normals, "vector", np.float32, 3).astype(float)[loops]
+    points = points @ matrix[:3, :3].T + matrix[:3, 3]
+    normals = normals @ np.linalg.inv(matrix[:3, :3])
+    return points, normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
+
+
+def _cut(corners):
+    """Four triangles (4 n, 3, 3) from each, cut between the middles of its sides; normals stay as good as unit ones."""
+    a, b, c = corners.transpose(1, 0, 2)
+    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+    four = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+    return np.concatenate([np.stack(each, axis=1) for each in four])
+
+
+def _values(collection, name, kind, width) -> np.ndarray:
+    """A property of all members, (n, width)."""
+    values = np.empty(len(collection) * width, kind)
+    collection.foreach_get(name, values)
+    return values.reshape(-1, width)
