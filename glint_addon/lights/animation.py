@@ -24,6 +24,33 @@ def peak_value(owner, path: str, index: int = 0) -> float:
     return max([value if isinstance(value, (int, float)) else value[index], *keys])
 
 
+def values_over(scene, owner, paths) -> tuple[range, list[tuple[float, ...]]]:
+    """The frames of `scene`, and the values of the properties `paths` of data-block `owner` at each of them.
+
+    Where more than keys moves one, every frame is set, and the present one again.
+    """
+    frames = range(scene.frame_start, scene.frame_end + 1)
+    curves = [_curve(owner, path, 0) for path in paths]
+    present = [owner.path_resolve(path) for path in paths]
+    animation = owner.animation_data
+    is_plain = animation.action_influence == 1.0 and animation.action_blend_type == "REPLACE"
+    if is_plain and not animation.nla_tracks and not any(animation.drivers.find(path) for path in paths):
+        pairs = list(zip(curves, present, strict=True))
+        return frames, [tuple(curve.evaluate(frame) if curve else now for curve, now in pairs) for frame in frames]
+    return frames, _values_at_set_frames(scene, owner, paths, frames)
+
+
+def _values_at_set_frames(scene, owner, paths, frames):
+    frame, subframe, values = scene.frame_current, scene.frame_subframe, []
+    try:
+        for number in frames:
+            scene.frame_set(number)
+            values.append(tuple(owner.path_resolve(path) for path in paths))
+    finally:
+        scene.frame_set(frame, subframe=subframe)
+    return values
+
+
 def _curve(owner, path, index):
     animation = owner.animation_data
     if animation is None or animation.action is None or animation.action_slot is None:

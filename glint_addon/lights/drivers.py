@@ -76,6 +76,8 @@ def _place(hint):
 
 def _shape(hint):
     """Kind and size; the kind falls to none while the light is off or gone: less work, the same picture."""
+    if hint.live is not None:
+        return (*hint.live[3:], 0.0)
     if hint.direction is not None:
         return (hint.kind, hint.size, 0.0)
     if _poses(hint):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import bpy
 from mathutils import Matrix, Vector
 
-from ..nodes.driven import Driven
+from ..nodes.driven import Driven, Keyed
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ class Hint:
     name: as reports show it; kind: KIND_SUN or KIND_LOCAL; power: estimated irradiance [W/m^2] on the glints, for
     ranking only; size: half-angle [rad] of a sun, bounding radius [m] of other lights; object: the light or emissive
     mesh that drivers follow, None for the world and for copies; direction: unit vector towards a light of the world, in
-    world space, at the present frame; live: its direction (3 numbers), kind and size as they are driven, None where
-    none of them is; instance: of what it is a copy; ball: of an emissive mesh, None for lamps.
+    world space, at the present frame; live: its direction (3 numbers), kind and size, driven or with keys, None where
+    nothing moves; instance: of what it is a copy; ball: of an emissive mesh, None for lamps.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Hint:
     size: float
     object: bpy.types.Object | None = None
     direction: tuple[float, float, float] | None = None
-    live: tuple[Driven | float, ...] | None = None
+    live: tuple[Driven | Keyed | float, ...] | None = None
     instance: Instance | None = None
     ball: Ball | None = None
 

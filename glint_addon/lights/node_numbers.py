@@ -74,16 +74,10 @@ def number(holder, socket, groups=(), axis=None) -> Number | None:
     if end is None or end.is_output and end.node.bl_idname != "ShaderNodeValue":
         return None
     is_vector = end.type == "VECTOR"
-    return number_at(holder, end.id_data, end.path_from_id("default_value"), axis if is_vector else None)
+    return _number_at(holder, end.id_data, end.path_from_id("default_value"), axis if is_vector else None)
 
 
-def node_number(holder, node, name: str) -> Number:
-    """Property `name` of a node itself."""
-    return number_at(holder, node.id_data, node.path_from_id(name))
-
-
-def number_at(holder, tree, path: str, axis=None) -> Number:
-    """The number at `path` of node tree `tree`, its component `axis` if it is a vector."""
+def _number_at(holder, tree, path: str, axis=None) -> Number:
     index = axis or 0
     value = tree.path_resolve(path)
     owner, prefix = (holder, "node_tree.") if tree == holder.node_tree else (tree, "")

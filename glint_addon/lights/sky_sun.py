@@ -1,14 +1,17 @@
-"""The sun of a Sky Texture: where it is, how wide and about how strong."""
+"""The sun of a Sky Texture: where it is, how wide and about how strong.
+
+Blender's drivers cannot follow the properties of a node, only its sockets: a sun that moves is written as keys.
+"""
 
 from __future__ import annotations
 
-from math import asin, degrees, exp, sin
+from math import asin, cos, degrees, exp, sin
 
-from ..nodes.driven import Driven
-from ..nodes.glint_lights import KIND_SUN
-from .node_numbers import Number, node_number, read
-from .trigonometry import Angles, Sum, multiplied
+from ..nodes.driven import Keyed
+from ..nodes.glint_lights import KIND_NONE, KIND_SUN
+from .animation import is_animated, peak_value, values_over
 
+PLACE = ("sun_elevation", "sun_rotation", "sun_size")  # properties of the node, all in radians
 SKIES_WITH_SUN = {"SINGLE_SCATTERING", "MULTIPLE_SCATTERING"}
 SMALLEST_DIAMETER = 0.0005  # radians; Cycles widens smaller suns to it (SkyTextureNode::get_sun_size)
 
@@ -19,35 +22,37 @@ AIR_DEPTH = 0.05
 AEROSOL_DEPTH = 0.03
 
 
-def sun_vector(elevation: Number, rotation: Number, angles: Angles) -> list[Sum]:
-    """Unit vector towards the sun (SkyTextureNode::simplify_settings and sky.h): from +Y, clockwise seen from above."""
-    up_cos, up_sin = angles.cos_sin(elevation)
-    round_cos, round_sin = angles.cos_sin(rotation)
-    return [multiplied(up_cos, round_sin), multiplied(up_cos, round_cos), up_sin]
+def sun_numbers(elevation: float, rotation: float, size: float) -> tuple[float, float, float, int, float]:
+    """Unit vector towards the sun, its kind, none below the horizon, and its half-angle [rad]; all angles in radians.
+
+    From +Y, clockwise seen from above (SkyTextureNode::simplify_settings and node_sky_texture.osl in Cycles).
+    """
+    kind = KIND_SUN if sin(elevation) + size / 2 > 0 else KIND_NONE
+    flat = cos(elevation)
+    return flat * sin(rotation), flat * cos(rotation), sin(elevation), kind, max(size, SMALLEST_DIAMETER) / 2
 
 
-def sun_half_angle(size: Number) -> Driven | float:
-    """Half of the sun's diameter [rad]."""
-    if not size.moves:
-        return max(size.value, SMALLEST_DIAMETER) / 2
-    return Driven(f"max(size, {SMALLEST_DIAMETER}) / 2", (read("size", size),))
+def sun_now(node) -> tuple[float, float, float, int, float]:
+    """`sun_numbers` of a Sky Texture at the present frame."""
+    return sun_numbers(*(getattr(node, name) for name in PLACE))
 
 
-def sun_kind(elevation: Number, size: Number) -> Driven | int:
-    """KIND_SUN, or none while the whole sun is below the horizon, where it moves."""
-    if not (elevation.moves or size.moves):
-        return KIND_SUN
-    return Driven(f"{KIND_SUN} if sin(up) + size / 2 > 0 else 0", (read("up", elevation), read("size", size)))
+def sun_over_time(scene, node) -> tuple[Keyed | float, ...] | None:
+    """`sun_numbers` of a Sky Texture with keys at the frames of `scene`; None if the sun stands still."""
+    tree, paths = node.id_data, [node.path_from_id(name) for name in PLACE]
+    if not any(is_animated(tree, path) for path in paths):
+        return None
+    frames, values = values_over(scene, tree, paths)
+    columns = zip(*(sun_numbers(*entry) for entry in values), strict=True)
+    return tuple(Keyed(tuple(frames), column) if len(set(column)) > 1 else column[0] for column in columns)
 
 
-def sun_irradiance(world, node) -> float:
-    """About how much the sun shines [W/m^2], 0 where it is below the horizon; from above, where it moves."""
-    elevation = node_number(world, node, "sun_elevation")
-    height = 1.0 if elevation.moves else sin(elevation.value)
-    if height + node.sun_size / 2 <= 0:
-        return 0.0
+def sun_irradiance(node) -> float:
+    """About how much the sun shines [W/m^2] at its place now, or from above if its height is animated."""
+    tree = node.id_data
+    height = 1.0 if is_animated(tree, node.path_from_id(PLACE[0])) else max(sin(node.sun_elevation), 0.0)
     depth = AIR_DEPTH * node.air_density + AEROSOL_DEPTH * node.aerosol_density
-    return node_number(world, node, "sun_intensity").peak * SUN_IRRADIANCE * exp(-depth * air_mass(max(height, 0.0)))
+    return peak_value(tree, node.path_from_id("sun_intensity")) * SUN_IRRADIANCE * exp(-depth * air_mass(height))
 
 
 def air_mass(height: float) -> float:

@@ -6,17 +6,17 @@ import numpy as np
 
 from ..images import USABLE_SOURCES, read_pixels
 from ..nodes.driven import Driven
-from ..nodes.glint_lights import HINT_COUNT, KIND_SUN
+from ..nodes.glint_lights import HINT_COUNT, KIND_NONE, KIND_SUN
 from .environment_spots import bright_spots
 from .hint import Hint
-from .lamps import SOFT_HALF_ANGLE
-from .node_numbers import node_number
-from .sky_sun import SKIES_WITH_SUN, sun_half_angle, sun_irradiance, sun_kind, sun_vector
+from .sky_sun import SKIES_WITH_SUN, sun_irradiance, sun_now, sun_over_time
+from .softness import SOFT_HALF_ANGLE, TOO_SOFT
 from .trigonometry import Angles, constant
 from .world_direction import UnreadableMappingError, in_world
 from .world_textures import world_textures
 
-SMOOTH = "are so wide that plain sampling finds them"
+# Measured: with the world's sampling off, a sun of a picture had the same noise with a hint as without.
+MET_BY_CHANCE = "its light is met by chance alone, where no hint helps: set World > Settings > Sampling to Auto"
 LEFT = "small lights in it are left to the remainder, which is noisier"
 
 
@@ -29,23 +29,27 @@ def world_hints(scene, layers=()) -> tuple[list[Hint], list[tuple[str, str]]]:
     hints, skipped = [], []
     for world in dict.fromkeys(worlds):
         if world is not None and world.node_tree is not None:
-            found, left = _hints_of(world)
+            found, left = _hints_of(scene, world)
             hints += found
             skipped += left
     return hints, skipped
 
 
-def _hints_of(world):
+def _hints_of(scene, world):
     textures, reasons = world_textures(world)
-    if textures and not world.cycles_visibility.glossy:
-        return [], [(world.name, "not visible to glossy rays")]
+    for applies, reason in (
+        (not world.cycles_visibility.glossy, "not visible to glossy rays"),
+        (world.cycles.sampling_method == "NONE", MET_BY_CHANCE),
+    ):
+        if textures and applies:
+            return [], [(world.name, reason)]
     skipped = [(world.name, reason) for reason in reasons]
 
     spots, suns = [], []
     for texture in textures:
         try:
             if texture.node.bl_idname == "ShaderNodeTexSky":
-                suns += _sun(world, texture)
+                suns += _sun(scene, texture)
             else:
                 found, left = _spots(world, texture)
                 spots += found
@@ -62,17 +66,17 @@ def _named(world, word, parts) -> list[Hint]:
     return [Hint(name, KIND_SUN, **part) for name, part in zip(names, parts, strict=True)]
 
 
-def _sun(world, texture) -> list[dict]:
-    """The sun of a Sky Texture, as one hint's settings or none."""
+def _sun(scene, texture) -> list[dict]:
+    """The sun of a Sky Texture, as one hint's settings or none; a Mapping before it does nothing, in Cycles either."""
     node = texture.node
-    elevation, rotation, size = (node_number(world, node, f"sun_{name}") for name in ("elevation", "rotation", "size"))
-    power = texture.factor * sun_irradiance(world, node)
-    if node.sky_type not in SKIES_WITH_SUN or not node.sun_disc or power <= 0 or size.peak > 2 * SOFT_HALF_ANGLE:
+    *direction, kind, half_angle = map(_socket_number, sun_now(node))
+    live = sun_over_time(scene, node)
+    if node.sky_type not in SKIES_WITH_SUN or not node.sun_disc or live is None and kind == KIND_NONE:
         return []
-    angles = Angles()
-    vector = sun_vector(elevation, rotation, angles)
-    settings = _settings(world, texture, vector, angles, power, sun_half_angle(size), sun_kind(elevation, size))
-    return [settings | ({"size": size.value / 2} if size.moves else {})]
+    if half_angle > SOFT_HALF_ANGLE and live is None:
+        return []
+    power = texture.factor * sun_irradiance(node)
+    return [{"power": power, "size": half_angle, "direction": tuple(direction), "live": live}]
 
 
 def _spots(world, texture) -> tuple[list[dict], list[tuple[str, str]]]:
@@ -85,29 +89,26 @@ def _spots(world, texture) -> tuple[list[dict], list[tuple[str, str]]]:
     if 0 in image.size[:]:
         return [], [(world.name, f'"{image.name}" has no pixels: find its file with File > External Data')]
     found, wide = bright_spots(linear_pixels(image), texture.node.projection, SOFT_HALF_ANGLE)
-    parts = []
-    for spot in found:
-        power = texture.factor * spot.irradiance
-        angles = Angles()
-        parts.append(_settings(world, texture, constant(spot.direction), angles, power, spot.half_angle, KIND_SUN))
-    return parts, [(world.name, f'{wide} bright areas of "{image.name}" {SMOOTH}')] if wide else []
+    parts = [_settings(world, texture, spot) for spot in found]
+    return parts, [(world.name, f'{wide} bright areas of "{image.name}": {TOO_SOFT}')] if wide else []
 
 
-def _settings(world, texture, vector, angles, power, half_angle, kind) -> dict:
-    """What a hint needs for a light that a texture shows in the direction `vector` of its own."""
-    vector = in_world(world, texture, vector, angles)
+def _settings(world, texture, spot) -> dict:
+    """What a hint needs for a spot of an Environment Texture."""
+    angles = Angles()
+    vector = in_world(world, texture, constant(spot.direction), angles)
     numbers = angles.over_time(vector)
     if numbers is None:
         raise UnreadableMappingError(f'too many of the Mapping nodes of "{texture.node.name}" move')
-    live = tuple(_socket_number(entry) for entry in (*numbers, kind, half_angle))
-    moves = any(isinstance(entry, Driven) for entry in live)
+    size = _socket_number(spot.half_angle)
+    live = (*numbers, KIND_SUN, size) if any(isinstance(entry, Driven) for entry in numbers) else None
     direction = tuple(map(_socket_number, angles.now(vector)))
-    return {"power": power, "size": live[4], "direction": direction, "live": live if moves else None}
+    return {"power": texture.factor * spot.irradiance, "size": size, "direction": direction, "live": live}
 
 
-def _socket_number(number: Driven | float) -> Driven | float:
-    """A number as sockets hold it, 32 bits, so that writing it again changes nothing."""
-    return number if isinstance(number, Driven) else float(np.float32(number))
+def _socket_number(number: float) -> float:
+    """A number as sockets hold it, in 32 bits."""
+    return float(np.float32(number))
 
 
 def linear_pixels(image) -> np.ndarray:
