@@ -18,6 +18,8 @@ pytestmark = pytest.mark.usefixtures("registered")
 REPORT = {
     "hints": ["Sun"],
     "skipped_lights": [["Lamp", "it is too large for glints"]],
+    "hints_by_material": {},
+    "left_by_material": {},
     "baked": ["/somewhere/glint_tables/new.exr"],
     "reused": ["/somewhere/glint_tables/old.exr"],
     "unseen": ["Hidden away"],
@@ -133,6 +135,20 @@ def test_the_panel_shows_every_part_of_the_report(glinting):
     tables = drawn(GLINT_PT_tables)
     assert "new.exr (baked)" in tables and "old.exr (reused)" in tables
     assert "[Also Bake Unseen]" in tables and "Hidden away: no camera sees it, so it has no table" in " ".join(tables)
+
+
+def test_the_panel_shows_the_lights_of_the_shown_material_and_which_are_left_to_chance_there(glinting):
+    shown = glinting.active_material.name
+    far = [[f"Lamp {number}", "too dim"] for number in range(6)]
+    store_report(bpy.context.scene, {
+        **REPORT, "hints": ["Moon", "Sun"],
+        "hints_by_material": {shown: ["Moon"], "Other": ["Sun"]},
+        "left_by_material": {shown: [["Sun", "out of reach"], *far], "Other": []},
+    })
+    lights = drawn(GLINT_PT_lights, width=900)
+    assert lights[:2] == ["Moon", "Left to chance on this material:"]
+    assert "Sun: out of reach" in lights and "Sun" not in lights
+    assert "Lamp 0, Lamp 1, Lamp 2, Lamp 3 and 2 more: too dim" in lights
 
 
 def test_a_new_report_replaces_the_old_one(glinting):

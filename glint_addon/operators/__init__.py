@@ -6,10 +6,11 @@ from .add_material import GLINT_FH_normal_map, GLINT_OT_add_material
 from .add_node_group import GLINT_OT_add_node_group
 from .change_map import GLINT_OT_change_map
 from .prepare import GLINT_OT_prepare
-from .scene_state import GLINT_PG_line, GLINT_PG_scene
+from .scene_state import GLINT_PG_line, GLINT_PG_material_light, GLINT_PG_scene
 
 classes = (
     GLINT_PG_line,
+    GLINT_PG_material_light,
     GLINT_PG_scene,
     GLINT_OT_add_material,
     GLINT_OT_change_map,

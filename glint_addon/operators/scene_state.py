@@ -14,6 +14,13 @@ class GLINT_PG_line(bpy.types.PropertyGroup):
     detail: StringProperty(name="Detail")
 
 
+class GLINT_PG_material_light(bpy.types.PropertyGroup):
+    """A light (`name`) as one material has it."""
+
+    material: StringProperty(name="Material")
+    detail: StringProperty(name="Detail", description="Why the light is left to chance; empty if it is looked for")
+
+
 class GLINT_PG_scene(bpy.types.PropertyGroup):
     """Glint's part of a scene; the panel's draw functions read it and nothing else."""
 
@@ -41,6 +48,7 @@ class GLINT_PG_scene(bpy.types.PropertyGroup):
     device: StringProperty(name="Device", description="What Cycles rendered on at the last preparation")
     hints: CollectionProperty(type=GLINT_PG_line)
     skipped_lights: CollectionProperty(type=GLINT_PG_line)
+    material_lights: CollectionProperty(type=GLINT_PG_material_light)
     tables: CollectionProperty(type=GLINT_PG_line)
     unseen: CollectionProperty(type=GLINT_PG_line)
     warnings: CollectionProperty(type=GLINT_PG_line)
@@ -54,6 +62,11 @@ def store_report(scene, report: dict):
     state.device = report["device"]
     _fill(state.hints, [(name, "") for name in report["hints"]])
     _fill(state.skipped_lights, report["skipped_lights"])
+    state.material_lights.clear()
+    for material, names in report["hints_by_material"].items():
+        pairs = [(name, "") for name in names] + report["left_by_material"][material]
+        for line in _fill_more(state.material_lights, pairs):
+            line.material = material
     tables = [(path, "baked") for path in report["baked"]] + [(path, "reused") for path in report["reused"]]
     _fill(state.tables, tables)
     _fill(state.unseen, [(name, "") for name in report["unseen"]])
@@ -62,7 +75,15 @@ def store_report(scene, report: dict):
 
 def _fill(lines, pairs):
     lines.clear()
+    _fill_more(lines, pairs)
+
+
+def _fill_more(lines, pairs) -> list:
+    """Add a line for each (name, detail)."""
+    added = []
     for name, detail in pairs:
         line = lines.add()
         line.name = name
         line.detail = detail
+        added.append(line)
+    return added

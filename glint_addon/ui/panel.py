@@ -19,6 +19,8 @@ WORDS = {
     "MIRROR": "Mirror",
 }
 
+MOST_NAMES = 4  # lights named in one sentence
+
 
 class GlintPanel:
     """Where the panels are: the Material tab of the Properties editor."""
@@ -59,20 +61,29 @@ class PreparedPanel(GlintPanel):
 
 
 class GLINT_PT_lights(PreparedPanel, bpy.types.Panel):
-    """Which lights make glints, and why others do not"""
+    """Which lights make glints on the material, and why others do not"""
 
     bl_idname = "GLINT_PT_lights"
     bl_label = "Lights"
 
     def draw(self, context):
         layout, state = self.layout, context.scene.glint
-        if not state.hints:
+        shown = context.material.name if context.material else ""
+        lines = [line for line in state.material_lights if line.material == shown]
+        hints = [line.name for line in lines if not line.detail] if lines else [line.name for line in state.hints]
+        if not hints:
             draw_sentence(layout, context, "No light makes glints: add a sun or a small light.", "INFO")
-        for line in state.hints:
-            layout.label(text=line.name, icon="LIGHT")
-        if state.skipped_lights:
+        for name in hints:
+            layout.label(text=name, icon="LIGHT")
+        left = [line for line in lines if line.detail]
+        if left:
+            layout.label(text="Left to chance on this material:")
+        for reason, names in sorted(names_by_reason(left).items()):
+            draw_sentence(layout, context, f"{names}: {reason}", "DOT")
+        others = [line for line in state.skipped_lights if line.name not in {each.name for each in left}]
+        if others:
             layout.label(text="Left out (rendered as usual):")
-        for line in state.skipped_lights:
+        for line in others:
             draw_sentence(layout, context, f"{line.name}: {line.detail}", "DOT")
 
 
@@ -143,6 +154,18 @@ def draw_state(layout, context):
     layout.label(text=f"OSL {'on' if state.osl else 'off'}, {state.device}", icon="CHECKMARK" if state.osl else "ERROR")
     for line in state.warnings:
         draw_sentence(layout, context, line.name, "ERROR")
+
+
+def names_by_reason(lines) -> dict[str, str]:
+    """The lights of each reason, for a sentence: the first MOST_NAMES, then how many more."""
+    found = {}
+    for line in lines:
+        found.setdefault(line.detail, []).append(line.name)
+    return {
+        reason: ", ".join(names) if len(names) <= MOST_NAMES else f"{', '.join(names[:MOST_NAMES])} and "
+        f"{len(names) - MOST_NAMES} more"
+        for reason, names in found.items()
+    }
 
 
 def folder_of(path: str) -> str:
