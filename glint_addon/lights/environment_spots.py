@@ -14,10 +14,10 @@ import numpy as np
 # Blocks across a picture's width: of 0.7 degrees, about the size of the sun, so that a spot is one or a few of them.
 BLOCKS = 512
 
-# A spot sends out this share of all the picture's light, or it is none. Cycles looks towards it no more often than that:
-# measured at 16 spp, its hint divides the noise of the whole by 9 at a share of 0.9, by 3 at 0.1, by 1.5 at 0.01.
+# A spot sends out this share of all the picture's light, or it is none: Cycles looks towards it no more often.
+# Measured at 16 spp, its hint divides the noise of the whole by 9 at a share of 0.9, by 3 at 0.1, by 1.5 at 0.01.
 SHARE = 0.01
-# A spot is this many times brighter than the picture's mean. One of `SHARE` with a radius of 5 degrees is 5 times as bright.
+# A spot is this many times brighter than the picture's mean. One of `SHARE` and a radius of 5 degrees is so 5 times.
 BRIGHTNESS = 4.0
 # Where a spot falls below this part of its peak it ends; beyond is its glow. The limb of the sun has 0.4.
 EDGE = 0.1

@@ -12,6 +12,7 @@ from .choice import choose
 from .hint import Hint
 from .lamps import lamp_hints
 from .receivers import glint_objects, world_bounds
+from .world import world_hints
 
 
 def scene_hints(scene, view_layer=None) -> tuple[list[Hint], list[tuple[str, str]]]:
@@ -45,7 +46,8 @@ def candidates(scene, layers, receivers, bounds) -> tuple[list[Hint], list[tuple
     rendered = rendered_objects(layers)
     found, skipped = lamp_hints(scene, rendered, receivers, bounds)
     skipped += _instanced_lights(shown_objects(layers))
-    return sorted(found, key=lambda hint: hint.order), sorted(skipped)
+    of_world, unseen = world_hints(scene, layers)
+    return sorted(found + of_world, key=lambda hint: hint.order), sorted(skipped + unseen)
 
 
 def shown_objects(layers) -> list[bpy.types.Object]:

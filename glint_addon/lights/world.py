@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from math import dist
+
 import numpy as np
 
-from ..images import USABLE_SOURCES, read_pixels
+from ..images import USABLE_SOURCES
 from ..nodes.driven import Driven
 from ..nodes.glint_lights import HINT_COUNT, KIND_NONE, KIND_SUN
 from .environment_spots import bright_spots
@@ -13,6 +15,7 @@ from .sky_sun import SKIES_WITH_SUN, sun_irradiance, sun_now, sun_over_time
 from .softness import SOFT_HALF_ANGLE, TOO_SOFT
 from .trigonometry import Angles, constant
 from .world_direction import UnreadableMappingError, in_world
+from .world_picture import linear_pixels
 from .world_textures import world_textures
 
 # Measured: with the world's sampling off, a sun of a picture had the same noise with a hint as without.
@@ -56,8 +59,20 @@ def _hints_of(scene, world):
                 skipped += left
         except UnreadableMappingError as reason:
             skipped.append((world.name, f"{reason}: {LEFT}"))
-    spots = sorted(spots, key=lambda spot: -spot["power"])[:HINT_COUNT]
-    return _named(world, "sun", suns) + _named(world, "spot", spots), skipped
+    return _named(world, "sun", suns) + _named(world, "spot", _merged(spots)[:HINT_COUNT]), skipped
+
+
+def _merged(spots) -> list[dict]:
+    """Spots' settings, strongest first; those that lie in another, of the same picture behind two nodes, add to it."""
+    merged = []
+    for spot in sorted(spots, key=lambda spot: -spot["power"]):
+        same = next((other for other in merged if other["live"] == spot["live"]
+                     and dist(other["direction"], spot["direction"]) < other["size"]), None)
+        if same is None:
+            merged.append(dict(spot))
+        else:
+            same["power"] += spot["power"]
+    return merged
 
 
 def _named(world, word, parts) -> list[Hint]:
@@ -86,9 +101,10 @@ def _spots(world, texture) -> tuple[list[dict], list[tuple[str, str]]]:
         return [], []
     if image.source not in USABLE_SOURCES:
         return [], [(world.name, f'"{image.name}" is a {image.source.lower()}, no still image: {LEFT}')]
-    if 0 in image.size[:]:
+    pixels = linear_pixels(image)
+    if pixels is None:
         return [], [(world.name, f'"{image.name}" has no pixels: find its file with File > External Data')]
-    found, wide = bright_spots(linear_pixels(image), texture.node.projection, SOFT_HALF_ANGLE)
+    found, wide = bright_spots(pixels, texture.node.projection, SOFT_HALF_ANGLE)
     parts = [_settings(world, texture, spot) for spot in found]
     return parts, [(world.name, f'{wide} bright areas of "{image.name}": {TOO_SOFT}')] if wide else []
 
@@ -109,15 +125,3 @@ def _settings(world, texture, spot) -> dict:
 def _socket_number(number: float) -> float:
     """A number as sockets hold it, in 32 bits."""
     return float(np.float32(number))
-
-
-def linear_pixels(image) -> np.ndarray:
-    """Scene-linear pixels (height, width, channels) of an image, row 0 at the bottom; a file is closed again."""
-    is_loaded = image.has_data
-    pixels = read_pixels(image)
-    if not is_loaded and image.source == "FILE":
-        image.buffers_free()
-    if not image.is_float and not image.colorspace_settings.is_data:
-        # Bytes come as they are stored: as sRGB, whose curve is near enough to that of other displays.
-        pixels = np.where(pixels <= 0.04045, pixels / 12.92, ((pixels + 0.055) / 1.055) ** 2.4)
-    return pixels

@@ -37,14 +37,15 @@ def world_textures(world) -> tuple[list[Texture], list[str]]:
     walk = _Walk(world)
     if output is not None:
         walk.shader(output.inputs["Surface"], (), 1.0)
-    return walk.textures, list(dict.fromkeys(walk.left_out))
+    textures = [Texture(*place, factor) for place, factor in walk.factors.items()]
+    return textures, list(dict.fromkeys(walk.left_out))
 
 
 class _Walk:
     """Follows shader and colour sockets, gathering what it finds."""
 
     def __init__(self, world):
-        self.world, self.textures, self.left_out = world, [], []
+        self.world, self.factors, self.left_out = world, {}, []
 
     def shader(self, socket, groups, factor):
         """Follow a shader socket whose light is multiplied by `factor`."""
@@ -75,7 +76,7 @@ class _Walk:
             return
         node = end.node
         if node.bl_idname in TEXTURES:
-            self.textures.append(Texture(node, groups, factor))
+            self.factors[node, groups] = self.factors.get((node, groups), 0.0) + factor
         elif node.bl_idname == "ShaderNodeMix":
             shares = self.shares(node.inputs["Factor"], groups) if node.blend_type == "MIX" else (1.0, 1.0)
             ends = [entry for entry in node.inputs if entry.enabled and entry.identifier[0] in "AB"]
