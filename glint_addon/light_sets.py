@@ -69,10 +69,10 @@ def _connect(scene, families, choices):
         if node is not None and node.node_tree != group:
             node.node_tree = group
 
-    unused = [group for group in emptied if group.users == 0]
-    unused += [group for group in glint_lights.groups() if group.users == 0 and group.name != glint_lights.NAME]
-    if unused:
-        bpy.data.batch_remove(unused)
+    # Groups of lights lose their users only when the groups that read them are gone.
+    bpy.data.batch_remove([group for group in emptied if group.users == 0])
+    bpy.data.batch_remove([group for group in glint_lights.groups()
+                           if group.users == 0 and group.name != glint_lights.NAME])
 
 
 def _instance(group, lights, taken, foreign):

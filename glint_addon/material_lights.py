@@ -7,11 +7,13 @@ materials look for one set of lights.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 from .lights.choice import Choice, boxes_over, choose, chosen_frames, noise_in_remainder
 from .lights.receivers import lit_objects
 from .nodes.glint_bsdf import is_glint_group
-from .reach import facets_of, reached_hints, scene_views
+from .reach import facets_of, judgements
+from .views import scene_views
 
 SHARPEST = 0.01  # alpha that lights are ranked by where a material's roughness cannot be told
 
@@ -75,14 +77,20 @@ def material_choices(scene, families, found) -> list[Choice]:
     for family in families:
         facets = facets_of(family.nodes)
         alpha = facets.alpha if facets else SHARPEST
-        boxes = {}
-        values = []
+        shared = {}
         for hint in found:
-            objects = tuple(thing for thing in family.objects if thing in lit[hint])
-            if objects not in boxes:
-                boxes[objects] = boxes_over(objects, frames)
-            values.append(noise_in_remainder(hint, boxes[objects], frames, alpha))
-        chosen.append(choose(found, values, reached_hints(scene, views, family.objects, facets, found)))
+            shared.setdefault(tuple(thing for thing in family.objects if thing in lit[hint]), []).append(hint)
+        values, reached = {}, set()
+        for objects, hints in shared.items():
+            boxes = boxes_over(objects, frames)
+            judged = judgements(scene, views, objects, facets, hints)
+            for hint in hints:
+                values[hint] = noise_in_remainder(hint, boxes, frames, alpha)
+                if judged is None or judged[hint].reached:
+                    reached.add(hint)
+                if judged is not None and 0.0 <= values[hint] < inf:
+                    values[hint] = judged[hint].noise
+        chosen.append(choose(found, [values[hint] for hint in found], reached))
     return chosen
 
 

@@ -1,25 +1,26 @@
-"""Which lights a map's facets can mirror to a camera, at any frame; in doubt a light is mirrored.
+"""Which lights a map's facets can mirror to a camera, at any frame, and how noisy their glints are where met by chance.
 
-The test is the shader's (`map_reaches_hint` in osl/light_hint.h) for whole patches of a surface and all of an
-animation: a light whose half vectors stay clear of every facet is not read at all.
+In doubt a light is mirrored. The test is the shader's (`map_reaches_hint` in osl/light_hint.h) for whole patches of a
+surface and all of an animation: a light whose half vectors stay clear of every facet is not read at all.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
+from mathutils import Matrix
 
 from .coordinates import evaluated_mesh
-from .eyes import Eye, scene_eyes
-from .lights.animation import is_animated
-from .lights.choice import chosen_frames, is_still, places
+from .lights.animation import is_animated, peak_value
+from .lights.choice import Posed, is_still, places
 from .lights.hint import Hint
-from .motion import copies_others, has_rigid_box
-from .nodes.glint_bsdf import is_glint_group
+from .lights.irradiance import irradiances
+from .motion import has_rigid_box
 from .nodes.glint_lights import KIND_SUN
 from .surface import Patches, surface_patches
-from .visibility import scene_cameras
+from .views import Views
 
 # Half-width of the selected region in alpha: REGION in osl/light_hint.h.
 REGION = 2.5
@@ -28,43 +29,18 @@ MARGIN = np.radians(3.0)
 # Half vectors turn ever faster as light and view become opposite: from here on all are reached.
 OPPOSITE = np.radians(170.0)
 SIZES = ("angle", "shadow_soft_size", "size", "size_y")  # properties of lights that change how large they are
+DEVIATIONS = 3.0  # standard deviations of a map's slopes that its steepest facets are away from the flat
+FLATTEST = 1e-4  # slope: a map without facets still has rounding
+STEEPEST = np.radians(89.0)
 LEAST_SCALING = 1e-3  # relative change of an object's size over an animation that makes its patches others
-# Rougher surfaces (alpha from 0.25) blur what they mirror so much that it needs no hints.
-ROUGH = 0.5
-# Shader nodes that mirror nothing.
-NO_MIRRORS = {
-    "ShaderNodeAddShader", "ShaderNodeBackground", "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfTransparent",
-    "ShaderNodeBsdfTranslucent", "ShaderNodeEmission", "ShaderNodeHoldout", "ShaderNodeMixShader",
-}
-
-
-@dataclass(frozen=True)
-class Views:
-    """The cameras of a scene: their eyes at each of the frames, and the radius of the largest lens [m]."""
-
-    frames: np.ndarray
-    eyes: list[list[Eye]]
-    lens: float
 
 
 @dataclass(frozen=True)
 class Facets:
-    """What a material's facets are: largest tilt [rad] of the map's facets, alpha of one facet."""
+    """What a material's facets are: largest slope of the map's facets, alpha of one facet."""
 
-    tilt: float
+    slope: float
     alpha: float
-
-
-def scene_views(scene) -> Views | None:
-    """What the cameras of a scene see by, None if facets may be seen from anywhere else, as in mirrors."""
-    frames = chosen_frames(scene)
-    eyes = scene_eyes(scene, frames)
-    if not eyes or any(copies_others(thing) for thing in scene.objects) or _has_mirrors(scene):
-        return None
-    lenses = [camera.data for camera in scene_cameras(scene) if camera.data.dof.use_dof]
-    radius = max((lens.lens * 1e-3 / (2 * lens.dof.aperture_fstop) * max(1.0, 1.0 / lens.dof.aperture_ratio)
-                  for lens in lenses), default=0.0)
-    return Views(frames, eyes, radius)
 
 
 def facets_of(nodes) -> Facets | None:
@@ -72,20 +48,32 @@ def facets_of(nodes) -> Facets | None:
     all_facets = [_facets(node) for node in nodes]
     if None in all_facets or not all_facets:
         return None
-    return Facets(max(each.tilt for each in all_facets), max(each.alpha for each in all_facets))
+    return Facets(max(each.slope for each in all_facets), max(each.alpha for each in all_facets))
 
 
-def reached_hints(scene, views: Views | None, objects, facets: Facets | None, hints) -> set[Hint]:
-    """Those of `hints` that `facets` on any of the objects can mirror to a camera. Matrices must be current."""
-    if views is None or facets is None:
-        return set(hints)
-    reached = set()
-    for thing in objects:
-        moved = _patches_over(scene, thing, views.frames)
-        if moved is None:
-            return set(hints)
-        reached |= {hint for hint in hints if hint not in reached and _reaches(hint, views, moved, facets)}
-    return reached
+@dataclass(frozen=True)
+class Judgement:
+    """reached: whether some facet mirrors the light to a camera; noise: as `lights.choice.noise_in_remainder`, of what
+    a camera sees of the object, with the chance that the map has facets which mirror the light."""
+
+    reached: bool
+    noise: float
+
+
+def judgements(scene, views: Views | None, objects, facets: Facets | None, hints) -> dict[Hint, Judgement] | None:
+    """What `facets` on the objects show of each of the hints, the largest of all objects; None if it cannot be told.
+
+    Matrices must be current.
+    """
+    surfaces = [_patches_over(scene, thing, views.frames) for thing in objects] if views and facets else [None]
+    if None in surfaces:
+        return None
+    judged = {}
+    for hint in hints:
+        each = [_judgement(hint, views, surface, facets) for surface in surfaces]
+        noise = max((one.noise for one in each), default=0.0)
+        judged[hint] = Judgement(any(one.reached for one in each), noise)
+    return judged
 
 
 def _facets(node) -> Facets | None:
@@ -97,7 +85,7 @@ def _facets(node) -> Facets | None:
     if not bounds.any() or bounds.max() >= 1e6:
         return None  # the shader does not know them either
     slope = abs(strength.default_value) * float(np.linalg.norm(bounds))
-    return Facets(float(np.arctan(slope)), min(max(roughness.default_value, 0.0), 1.0) ** 2)
+    return Facets(max(slope, FLATTEST), min(max(roughness.default_value, 0.0), 1.0) ** 2)
 
 
 def _patches_over(scene, thing, frames) -> list[tuple[Patches, float]] | None:
@@ -118,27 +106,34 @@ def _patches_over(scene, thing, frames) -> list[tuple[Patches, float]] | None:
     return [(first.moved(matrix @ back), stretch) for matrix in matrices]
 
 
-def _reaches(hint, views, moved, facets) -> bool:
-    """Whether a light's half vectors meet the facets of an object anywhere at any frame."""
-    lamps = _lamp_places(hint, views.frames)
+def _judgement(hint, views, moved, facets) -> Judgement:
+    """Judge a light on an object, whose patches at each frame are `moved`."""
+    lamps = _lamps(hint, views.frames)
     if lamps is None:
-        return True
+        return Judgement(True, inf)
+    reached, noise = views.has_mirrors, 0.0
     nothing_moves = is_still(lamps) and all(patches is moved[0][0] for patches, _ in moved)
     for eyes in views.eyes:
         still = nothing_moves and all((eye.inverse == eyes[0].inverse).all() for eye in eyes)
         rows = zip(eyes[:1] if still else eyes, lamps, moved, strict=False)
-        gaps = [_gap(hint, lamp, eye, views.lens, *shape, facets) for eye, lamp, shape in rows]
+        gaps = []
+        for eye, matrix, (patches, stretch) in rows:
+            met = _met(hint, matrix, eye, views.lens, patches)
+            gaps.append(met.angle - np.arctan(stretch * facets.slope) - REGION * facets.alpha - met.blur - MARGIN)
+            noise = max(noise, _noise(hint, matrix, eye, patches, met, facets))
         # Between two frames the gap may fall as much as it changed from one to the other.
         change = max((np.abs(after - before).max() for before, after in zip(gaps, gaps[1:], strict=False)), default=0.0)
-        if min(gap.min() for gap in gaps) <= change:
-            return True
-    return False
+        reached = reached or bool(min(gap.min() for gap in gaps) <= change)
+    return Judgement(reached, noise)
 
 
-def _lamp_places(hint, frames) -> np.ndarray | None:
-    """Direction towards a sun, place of another light, at each of the frames (f, 3); None if it cannot be told."""
+def _lamps(hint, frames) -> np.ndarray | None:
+    """World matrices (f, 4, 4) of a light at each of the frames: for suns with the direction towards it as Z axis, for
+    others with their middle as the place. None if that or how it shines cannot be told."""
     if hint.direction is not None and hint.live is None:
-        return np.tile(np.array(hint.direction, float), (len(frames), 1))
+        matrix = np.eye(4)
+        matrix[:3, 2] = hint.direction
+        return np.tile(matrix, (len(frames), 1, 1))
     lamp = hint.object
     if lamp is None or lamp.data is None or lamp.type == "MESH" and not has_rigid_box(lamp):
         return None
@@ -149,35 +144,73 @@ def _lamp_places(hint, frames) -> np.ndarray | None:
     lengths = np.maximum(np.linalg.norm(matrices[:, :3, :3], axis=1), 1e-12)
     if (np.ptp(lengths, axis=0) > LEAST_SCALING * lengths[0]).any():
         return None
-    if hint.kind != KIND_SUN:
-        return np.array([hint.middle(matrix) for matrix in matrices])
-    return matrices[:, :3, 2] / lengths[:, 2:]
+    matrices = matrices.copy()
+    if hint.kind == KIND_SUN:
+        matrices[:, :3, 2] /= lengths[:, 2:]
+    else:
+        matrices[:, :3, 3] = [hint.middle(matrix) for matrix in matrices]
+    return matrices
 
 
-def _gap(hint, lamp, eye, lens, patches, stretch, facets) -> np.ndarray:
-    """Angle [rad] between a light's half vectors and the nearest facets of each patch (n,): negative if they meet."""
-    light, light_spread, light_angle = _directions(lamp, hint, patches)
+@dataclass(frozen=True)
+class Met:
+    """How patches (n,) meet a light: angle [rad] between half vectors and the nearest shading normal, blur [rad] that
+    is half the light's angular radius, cosines of light and view to the patch's normal on the camera's side."""
+
+    angle: np.ndarray
+    blur: np.ndarray
+    light_cosine: np.ndarray
+    view_cosine: np.ndarray
+
+
+def _met(hint, matrix, eye, lens, patches) -> Met:
+    light, light_spread, half_angle = _directions(matrix, hint, patches)
     view, view_spread = _views(eye, lens, patches)
     between = np.arccos(np.clip((light * view).sum(axis=1), -1.0, 1.0)) + light_spread + view_spread
     half_vector = light + view
     half_vector /= np.maximum(np.linalg.norm(half_vector, axis=1, keepdims=True), 1e-12)
 
-    # A surface is seen from behind with its normal turned over. Uneven scaling tilts facets further.
+    # A surface is seen from behind with its normal turned over. Half vectors turn by half the angle between lights,
+    # across the plane of incidence by 1 / (2 cos) of it.
     cosine = np.abs((half_vector * patches.normals).sum(axis=1))
-    tilt = np.arctan(stretch * np.tan(facets.tilt))
-    gap = np.arccos(np.clip(cosine, 0.0, 1.0)) - patches.spreads - tilt - REGION * facets.alpha - MARGIN
-    # Half vectors turn by half the angle between lights, across the plane of incidence by 1 / (2 cos) of it.
-    with np.errstate(invalid="ignore", over="ignore"):
-        gap -= (light_spread + view_spread + light_angle) / (2 * np.cos(np.minimum(between, OPPOSITE) / 2))
-    return np.where((between < OPPOSITE) & np.isfinite(gap), gap, -np.pi)
+    growth = 0.5 / np.cos(np.minimum(between, OPPOSITE) / 2)
+    angle = np.arccos(np.clip(cosine, 0.0, 1.0)) - patches.spreads - growth * (light_spread + view_spread)
+    angle = np.where((between < OPPOSITE) & np.isfinite(angle), angle, 0.0)
+    sides = np.sign((view * patches.normals).sum(axis=1))[:, None] * patches.normals
+    return Met(np.maximum(angle, 0.0), growth * half_angle, (light * sides).sum(axis=1), (view * sides).sum(axis=1))
 
 
-def _directions(lamp, hint, patches):
+def _noise(hint, matrix, eye, patches, met, facets) -> float:
+    """Standard deviation over the picture of an object, up to a common factor, of glints that are met by chance."""
+    # One facet sends E / (solid angle of lobe and light); the chance to meet it is the density of facets at the half
+    # vector times that angle. The density has a wider tail than a normal distribution: real maps have.
+    steepness = np.tan(np.minimum(met.angle, STEEPEST)) / (facets.slope / DEVIATIONS)
+    density = 1.0 / (1.0 + steepness**2) ** 2
+    power = hint.power if hint.object is None or hint.object.type != "LIGHT" else _patch_powers(hint, matrix, patches)
+    variance = density * (power / np.hypot(facets.alpha, met.blur)) ** 2 * (met.light_cosine > -np.sin(patches.spreads))
+
+    # Weigh the patches by the pixels they fill.
+    local = patches.centres @ eye.inverse[:3, :3].T + eye.inverse[:3, 3]
+    depth = -local[:, 2:] if eye.is_perspective else np.ones((len(local), 1))
+    seen = ((local[:, :2] >= eye.low * depth) & (local[:, :2] <= eye.high * depth)).all(axis=1) & (local[:, 2] < 0.0)
+    area = patches.areas * np.maximum(met.view_cosine, 0.0) / (local**2).sum(axis=1) ** eye.is_perspective
+    pixels = area * seen if (area * seen).any() else area
+    return float(np.sqrt((variance * pixels).sum() / max(pixels.sum(), 1e-30)))
+
+
+def _patch_powers(hint, matrix, patches) -> np.ndarray:
+    """Irradiance [W/m^2] of a light object on each patch, (n,)."""
+    lamp = Posed(hint.object.data, Matrix(matrix))
+    half = patches.radii[:, None] / 2
+    return irradiances(lamp, patches.centres - half, patches.centres + half, peak_value(lamp.data, "energy"))
+
+
+def _directions(matrix, hint, patches):
     """Unit vectors to a light (n, 3), how far they differ on a patch (n,), angular radius of the light (n,) [rad]."""
     count = len(patches.centres)
     if hint.kind == KIND_SUN:
-        return np.tile(lamp, (count, 1)), np.zeros(count), np.full(count, hint.size)
-    offset = lamp - patches.centres
+        return np.tile(matrix[:3, 2], (count, 1)), np.zeros(count), np.full(count, hint.size)
+    offset = matrix[:3, 3] - patches.centres
     distance = np.linalg.norm(offset, axis=1)
     nearest = np.maximum(distance - patches.radii, 0.0)
     return offset / np.maximum(distance, 1e-12)[:, None], _cone(patches.radii, distance), _cone(hint.size, nearest)
@@ -197,37 +230,3 @@ def _cone(radius, distance):
     """Half-angle [rad] of balls at some distance: all around from within."""
     is_outside = distance > radius
     return np.where(is_outside, np.arcsin(np.where(is_outside, radius / np.maximum(distance, 1e-12), 0.0)), np.pi)
-
-
-def _has_mirrors(scene) -> bool:
-    """Whether surfaces of the scene may show facets from other sides than the cameras."""
-    cycles = scene.cycles
-    if cycles.max_bounces == 0 or max(cycles.glossy_bounces, cycles.transmission_bounces) == 0:
-        return False
-    materials = {slot.material for thing in scene.objects for slot in thing.material_slots if slot.material}
-    materials |= {layer.material_override for layer in scene.view_layers if layer.material_override}
-    return any(_mirrors(material.node_tree, set()) for material in materials)
-
-
-def _mirrors(tree, seen: set) -> bool:
-    """Whether a tree of nodes may mirror or refract sharply. Facets of our own groups scatter far too much for it."""
-    if tree is None or tree in seen or is_glint_group(tree):
-        return False
-    seen.add(tree)
-    return any(
-        _mirrors(node.node_tree, seen) if node.bl_idname == "ShaderNodeGroup"
-        else node.bl_idname not in NO_MIRRORS and _has_shader(node) and not _is_rough(node)
-        for node in tree.nodes
-    )
-
-
-def _has_shader(node) -> bool:
-    return any(output.type == "SHADER" for output in node.outputs)
-
-
-def _is_rough(node) -> bool:
-    """Whether all that a shader node mirrors is blurred."""
-    roughness, coat = node.inputs.get("Roughness"), node.inputs.get("Coat Weight")
-    if roughness is None or roughness.is_linked or roughness.default_value < ROUGH:
-        return False
-    return coat is None or not coat.is_linked and coat.default_value == 0.0

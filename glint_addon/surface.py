@@ -13,10 +13,11 @@ MOST_CUTS = 6  # of a triangle, each into four; 4096 pieces are more than there 
 
 @dataclass(frozen=True)
 class Patches:
-    """Pieces of surface. centres, normals (unit): (n, 3); radii: (n,), of the balls that hold them; spreads: (n,)
-    largest angle [rad] between a patch's normal and the shading normals on it."""
+    """Pieces of surface. centres, normals (unit): (n, 3); areas: (n,) [m^2]; radii: (n,), of the balls that hold
+    them; spreads: (n,) largest angle [rad] between a patch's normal and the shading normals on it."""
 
     centres: np.ndarray
+    areas: np.ndarray
     radii: np.ndarray
     normals: np.ndarray
     spreads: np.ndarray
@@ -24,7 +25,8 @@ class Patches:
     def moved(self, matrix) -> Patches:
         """The patches under a rigid motion, (4, 4)."""
         turn = matrix[:3, :3]
-        return Patches(self.centres @ turn.T + matrix[:3, 3], self.radii, self.normals @ turn.T, self.spreads)
+        centres = self.centres @ turn.T + matrix[:3, 3]
+        return Patches(centres, self.areas, self.radii, self.normals @ turn.T, self.spreads)
 
 
 def surface_patches(mesh, matrix) -> Patches:
@@ -56,7 +58,9 @@ def surface_patches(mesh, matrix) -> Patches:
     radii, cosines = np.zeros(len(counts)), np.ones(len(counts))
     np.maximum.at(radii, patch, np.linalg.norm(points - centres[patch][:, None], axis=2).max(axis=1))
     np.minimum.at(cosines, patch, (normals * axes[patch][:, None]).sum(axis=2).min(axis=1))
-    return Patches(centres, radii, axes, np.arccos(np.clip(cosines, -1.0, 1.0)))
+    crossed = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    areas = np.bincount(patch, 0.5 * np.linalg.norm(crossed, axis=1), len(counts))
+    return Patches(centres, areas, radii, axes, np.arccos(np.clip(cosines, -1.0, 1.0)))
 
 
 def _triangles(mesh, matrix):

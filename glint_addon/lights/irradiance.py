@@ -16,9 +16,14 @@ NEAREST = 1e-3  # metres; a point light inside the bounds still gets a finite nu
 
 def irradiance(lamp, low: np.ndarray, high: np.ndarray, energy: float) -> float:
     """Largest irradiance [W/m^2] of light object `lamp` on boxes `low`..`high` ((n, 3), world space, metres)."""
+    return float(irradiances(lamp, low, high, energy).max(initial=0.0))
+
+
+def irradiances(lamp, low: np.ndarray, high: np.ndarray, energy: float) -> np.ndarray:
+    """Irradiance [W/m^2] of light object `lamp` on each of the boxes, (n,)."""
     flux = energy * max(tint(lamp.data)) * _flux_factor(lamp)
     if lamp.data.type == "SUN":
-        return flux
+        return np.full(len(low), flux)
     position = np.array(lamp.matrix_world.translation)
     axis = np.array(lamp.matrix_world.col[2][:3])
     axis /= max(np.linalg.norm(axis), np.finfo(float).tiny)
@@ -40,7 +45,7 @@ def irradiance(lamp, low: np.ndarray, high: np.ndarray, energy: float) -> float:
         # Each point of a soft spot has its own cone: as if the boxes were larger by the light's radius.
         radius = size.light_size(lamp)
         values = values * _in_cone(position, axis, _cone_half_angle(lamp), low - radius, high + radius)
-    return float(values.max(initial=0.0))
+    return values
 
 
 def tint(light) -> tuple[float, float, float]:

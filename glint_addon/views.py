@@ -1,0 +1,78 @@
+"""What sees the glints of a scene: its cameras at all frames of an animation, and whether mirrors see them too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .eyes import Eye, scene_eyes
+from .lights.choice import chosen_frames
+from .motion import copies_others
+from .nodes.glint_bsdf import is_glint_group
+from .visibility import scene_cameras
+
+# Rougher surfaces (alpha from 0.25) blur what they mirror so much that it needs no hints.
+ROUGH = 0.5
+# Shader nodes that mirror nothing.
+NO_MIRRORS = {
+    "ShaderNodeAddShader", "ShaderNodeBackground", "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfTransparent",
+    "ShaderNodeBsdfTranslucent", "ShaderNodeEmission", "ShaderNodeHoldout", "ShaderNodeMixShader",
+}
+
+
+@dataclass(frozen=True)
+class Views:
+    """The cameras of a scene: their eyes at each of the frames, and the radius of the largest lens [m]; has_mirrors:
+    whether facets may be seen from elsewhere as well."""
+
+    frames: np.ndarray
+    eyes: list[list[Eye]]
+    lens: float
+    has_mirrors: bool
+
+
+def scene_views(scene) -> Views | None:
+    """What the cameras of a scene see by, None if that cannot be told, or if there are copies of objects."""
+    frames = chosen_frames(scene)
+    eyes = scene_eyes(scene, frames)
+    if not eyes or any(copies_others(thing) for thing in scene.objects):
+        return None
+    lenses = [camera.data for camera in scene_cameras(scene) if camera.data.dof.use_dof]
+    radius = max((lens.lens * 1e-3 / (2 * lens.dof.aperture_fstop) * max(1.0, 1.0 / lens.dof.aperture_ratio)
+                  for lens in lenses), default=0.0)
+    return Views(frames, eyes, radius, _has_mirrors(scene))
+
+
+def _has_mirrors(scene) -> bool:
+    """Whether surfaces of the scene may show facets from other sides than the cameras."""
+    cycles = scene.cycles
+    if cycles.max_bounces == 0 or max(cycles.glossy_bounces, cycles.transmission_bounces) == 0:
+        return False
+    materials = {slot.material for thing in scene.objects for slot in thing.material_slots if slot.material}
+    materials |= {layer.material_override for layer in scene.view_layers if layer.material_override}
+    return any(_mirrors(material.node_tree, set()) for material in materials)
+
+
+def _mirrors(tree, seen: set) -> bool:
+    """Whether a tree of nodes may mirror or refract sharply. Facets of our own groups scatter far too much for it."""
+    if tree is None or tree in seen or is_glint_group(tree):
+        return False
+    seen.add(tree)
+    return any(
+        _mirrors(node.node_tree, seen) if node.bl_idname == "ShaderNodeGroup"
+        else node.bl_idname not in NO_MIRRORS and _has_shader(node) and not _is_rough(node)
+        for node in tree.nodes
+    )
+
+
+def _has_shader(node) -> bool:
+    return any(output.type == "SHADER" for output in node.outputs)
+
+
+def _is_rough(node) -> bool:
+    """Whether all that a shader node mirrors is blurred."""
+    roughness, coat = node.inputs.get("Roughness"), node.inputs.get("Coat Weight")
+    if roughness is None or roughness.is_linked or roughness.default_value < ROUGH:
+        return False
+    return coat is None or not coat.is_linked and coat.default_value == 0.0
