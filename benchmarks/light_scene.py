@@ -76,7 +76,7 @@ def light_stage(add_light: Callable, side=SIDE) -> LightStage:
     for (column, name), (row, texels) in product(enumerate(MAPS), enumerate(DISTANCES.values())):
         x, y = (column - 1) * SHEET, (row - 1) * SHEET
         corners = [(x, y, 0), (x + SHEET, y, 0), (x + SHEET, y + SHEET, 0), (x, y + SHEET, 0)]
-        sheet = stage.add_sheet(scene, f"{name} {row}", corners, None, repeats=_repeats(texels))
+        sheet = stage.add_sheet(scene, f"{name} {row}", corners, None, repeats=_repeats(texels, side))
         sheets.append((sheet, name))
     stage.add_camera(scene, CAMERA, (0, 0, 0), angle=2 * math.atan(WIDTH / 2 / math.hypot(*CAMERA)))
     add_light(scene)
@@ -192,8 +192,8 @@ KINDS = {
 }
 
 
-def _repeats(texels) -> float:
-    """Of the map on a sheet, for so many texels in a pixel in the middle of the picture."""
+def _repeats(texels, side) -> float:
+    """Of the map on a sheet, for so many texels in a pixel in the middle of a picture of `side` pixels."""
     # Seen at 45 degrees a pixel is longer than wide.
-    pixel_area = (WIDTH / SIDE) ** 2 * math.sqrt(2.0)
+    pixel_area = (WIDTH / side) ** 2 * math.sqrt(2.0)
     return math.sqrt(texels / pixel_area) * SHEET / MAP_SIDE

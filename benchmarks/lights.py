@@ -61,7 +61,7 @@ def foot(results) -> str:
     side, few, many = light_scene.SIDE, *light_case.SPP.values()
     distances = " and ".join(f"{texels:g}" for texels in light_scene.DISTANCES.values())
     return (f"{side} x {side} pixels, flakes (Closest) and bumps (Linear), {distances} texels in a pixel, facets of "
-            f"alpha {light_scene.ROUGHNESS**2:g}. Relative RMSE of {few} and {many} pictures; cost of a sample at "
+            f"alpha {light_scene.ROUGHNESS**2:g}. Relative RMSE ({few} pictures and {many}); cost of a sample at "
             f"{FEW} spp in those of Blender's nodes under OSL, median and extremes of {results['rounds']} rounds. "
             + machine_line(results["machine"]))
 

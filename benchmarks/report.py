@@ -21,6 +21,9 @@ OTHERS = {
     "dolly": "From one texel in a pixel to a million",
     "temporal": "Moving pictures",
     "no_hints": "A scene without small lights",
+    "lights": "Kinds of light",
+    "light_size": "A sun of any size",
+    "denoise": "Denoising",
     "bake": "Baking, and the start of a render",
 }
 STRESS = RESULTS / "stress.json"
