@@ -39,7 +39,7 @@ class Spot:
 
 
 def bright_spots(pixels: np.ndarray, projection: str, widest: float) -> tuple[list[Spot], int]:
-    """Spots of an environment picture, strongest first, and how many are larger than a disk of `widest` [rad].
+    """Spots of an environment picture, strongest first, and how many reach beyond a radius of `widest` [rad].
 
     pixels: linear radiance (height, width, 3 or more), row 0 at the bottom; what is negative or not finite counts as
     black, as in Cycles. projection: EQUIRECTANGULAR or MIRROR_BALL.
@@ -60,7 +60,9 @@ def bright_spots(pixels: np.ndarray, projection: str, widest: float) -> tuple[li
             wide += 1
             continue
         spot = _measured(blocks, region, owned)
-        if spot.irradiance >= SHARE * 4 * pi * mean:
+        if spot.half_angle > widest:
+            wide += 1
+        elif spot.irradiance >= SHARE * 4 * pi * mean:
             spots.append(spot)
     return sorted(spots, key=lambda spot: -spot.irradiance), wide
 
