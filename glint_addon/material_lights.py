@@ -95,4 +95,5 @@ def material_choices(scene, families, found) -> list[Choice]:
 
 
 def _lit(hint, objects) -> list:
-    return lit_objects(hint.object, objects) if hint.object is not None else list(objects)
+    source = hint.instance.source if hint.instance else hint.object
+    return lit_objects(source, objects) if source is not None else list(objects)

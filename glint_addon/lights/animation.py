@@ -17,11 +17,12 @@ def is_animated(owner, path: str, index: int = 0) -> bool:
 
 
 def peak_value(owner, path: str, index: int = 0) -> float:
-    """Largest of the property's present value and its keys; index: which of a vector's numbers."""
+    """Largest of the property's keys, its present value if it has none; index: which of a vector's numbers."""
     curve = _curve(owner, path, index)
-    keys = [key.co.y for key in curve.keyframe_points] if curve else []
+    if curve and curve.keyframe_points:
+        return max(key.co.y for key in curve.keyframe_points)
     value = owner.path_resolve(path)
-    return max([value if isinstance(value, (int, float)) else value[index], *keys])
+    return value if isinstance(value, (int, float)) else value[index]
 
 
 def values_over(scene, owner, paths) -> tuple[range, list[tuple[float, ...]]]:

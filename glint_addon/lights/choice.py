@@ -94,19 +94,22 @@ def noise_in_remainder(hint: Hint, boxes: Boxes, frames, alpha: float) -> float:
     """
     if not len(boxes.low):
         return NEVER
-    if hint.object is None or hint.object.type != "LIGHT":
-        return _noise(hint.power, hint.size if hint.kind == KIND_SUN else 0.0, alpha)
-    lamp = hint.object
-    matrices = places(lamp, frames)
+    if hint.kind == KIND_SUN and hint.direction is not None:
+        return _noise(hint.power, hint.size, alpha)
+    lamp, matrices = _source(hint), _places_of(hint, frames)
     if matrices is None or _may_be_brighter(lamp.data):
         return inf
+    if lamp.type != "LIGHT" or hint.instance and hint.instance.poses:
+        # Its power is known for the present frame alone.
+        are_still = is_still(matrices) and all(is_still(side.swapaxes(0, 1)) for side in (boxes.low, boxes.high))
+        return _noise(hint.power, 0.0, alpha) if are_still else inf
     energy = peak_value(lamp.data, "energy")
     if is_still(matrices):
         pairs = [(matrices[0], boxes.low.reshape(-1, 3), boxes.high.reshape(-1, 3))]
     else:
         pairs = [(matrix, boxes.low[:, frame], boxes.high[:, frame]) for frame, matrix in enumerate(matrices)]
     value = max(_noise_at(hint, matrix, low, high, energy, alpha) for matrix, low, high in pairs)
-    return NEVER if value == 0.0 and boxes.are_fixed and is_fixed(lamp) else value
+    return NEVER if value == 0.0 and boxes.are_fixed and not hint.instance and is_fixed(lamp) else value
 
 
 def boxes_over(objects, frames) -> Boxes:
@@ -133,8 +136,30 @@ def places(thing, frames) -> np.ndarray | None:
     return poses(thing, frames)
 
 
+def _source(hint):
+    """The light object or mesh that shines, also in a copy."""
+    return hint.instance.source if hint.instance else hint.object
+
+
+def _places_of(hint, frames) -> np.ndarray | None:
+    """World matrices (f, 4, 4) of a light at the frames, None if they cannot be told; of a copy that no driver follows
+    and that never moves any one matrix."""
+    if not hint.instance:
+        return places(hint.object, frames)
+    if hint.instance.poses:
+        is_known = len(hint.instance.poses) == 1
+        return np.tile(np.eye(4), (len(frames), 1, 1)) if is_known else None
+    instancer = hint.instance.instancer
+    outer, inner = places(instancer, frames), places(hint.instance.source, frames)
+    if outer is None or inner is None:
+        return None
+    inner = inner.copy()
+    inner[:, :3, 3] -= np.array(instancer.instance_collection.instance_offset)
+    return outer @ inner
+
+
 def is_still(matrices) -> bool:
-    """Whether the matrices (f, 4, 4) are all the same."""
+    """Whether matrices or points, (f, ...), are the same at all frames."""
     return bool((matrices == matrices[0]).all())
 
 
@@ -142,7 +167,7 @@ def _noise_at(hint, matrix, low, high, energy, alpha):
     """`noise_in_remainder` of boxes (n, 3) under the light at one place, `matrix` (4, 4)."""
     from mathutils import Matrix
 
-    power = irradiance(Posed(hint.object.data, Matrix(matrix)), low, high, energy)
+    power = irradiance(Posed(_source(hint).data, Matrix(matrix)), low, high, energy)
     half_angle = hint.size
     if hint.kind != KIND_SUN and len(low):
         distance = np.linalg.norm(np.clip(matrix[:3, 3], low, high) - matrix[:3, 3], axis=1).min()
