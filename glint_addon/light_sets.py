@@ -76,10 +76,9 @@ def _connect(scene, families, choices):
 
 
 def _instance(group, lights, taken, foreign):
-    """The Glint BSDF group that reads the same map as `group` and the lights `lights`: one that is free, or a copy."""
-    binding = group_binding(group)
+    """The Glint BSDF group that reads the tables of `group` and the lights `lights`: one that is free, or a copy."""
     same = sorted((each for each in bpy.data.node_groups if is_glint_group(each) and each.library is None
-                   and each not in foreign and group_binding(each) == binding), key=lambda each: each.name)
+                   and each not in foreign and _reads(each) == _reads(group)), key=lambda each: each.name)
     ready = [each for each in same if taken.get(each) == lights]
     free = [each for each in same if each not in taken]
     instance = (ready + free or [None])[0] or group.copy()
@@ -87,9 +86,14 @@ def _instance(group, lights, taken, foreign):
     return instance
 
 
+def _reads(group):
+    """How a group reads which map, and the paths of its tables: one that was not prepared has others."""
+    return group_binding(group), {name: value for name, value in group.items() if isinstance(value, str)}
+
+
 def _light_groups(scene, sets, foreign) -> dict:
     """A lights' group for each of the sets of hints, with these in it."""
-    read = {group.nodes[LIGHTS_NODE].node_tree for group in foreign if LIGHTS_NODE in group.nodes}
+    read = {_lights_of(group) for group in foreign}
     glint_lights.build()
     free = [group for group in glint_lights.groups() if group not in read]
     found = {}
@@ -108,8 +112,8 @@ def _foreign_groups(scene, families) -> set:
     foreign = set()
     for other in (each for each in bpy.data.scenes if each != scene):
         for group in {group for material in _materials(other) - own for group in glint_groups(material)}:
-            lights = group.nodes.get(LIGHTS_NODE)
-            if lights is not None and lights.node_tree.get(CLAIM) == other.name:
+            lights = _lights_of(group)
+            if lights is not None and lights.get(CLAIM) == other.name:
                 foreign.add(group)
     return foreign
 
@@ -134,5 +138,11 @@ def _materials(scene) -> set:
 
 def _claims(material) -> set:
     """Names of the scenes whose lights a material reads."""
-    nodes = (group.nodes.get(LIGHTS_NODE) for group in glint_groups(material))
-    return {node.node_tree.get(CLAIM) for node in nodes if node is not None}
+    groups = (_lights_of(group) for group in glint_groups(material))
+    return {group.get(CLAIM) for group in groups if group is not None}
+
+
+def _lights_of(group):
+    """The lights' group that a Glint BSDF group reads, or None."""
+    node = group.nodes.get(LIGHTS_NODE)
+    return node.node_tree if node is not None else None

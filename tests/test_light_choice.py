@@ -124,6 +124,17 @@ def test_a_second_preparation_changes_nothing_and_equal_sets_become_one_again(sc
     assert sorted(ours) == ["Glint BSDF", "Glint Lights"]
 
 
+def test_a_group_that_was_not_prepared_is_never_handed_to_a_material(scene, two_planes):
+    group = next(node.node_tree for node in two_planes[1].material_slots[0].material.node_tree.nodes
+                 if node.bl_idname == "ShaderNodeGroup")
+    stale = group.copy()
+    stale.name = "Glint A"  # the first by name
+    prepare_scene(scene)
+    nodes = [node for plane in two_planes for node in plane.material_slots[0].material.node_tree.nodes
+             if node.bl_idname == "ShaderNodeGroup"]
+    assert all(node.node_tree["glint_table"] and node.node_tree != stale for node in nodes)
+
+
 def test_values_and_links_of_a_material_survive_a_group_of_its_own(scene, two_planes):
     right = two_planes[1].material_slots[0].material
     node = next(node for node in right.node_tree.nodes if node.bl_idname == "ShaderNodeGroup")
