@@ -65,11 +65,6 @@ def hide_parent_collection(lamp):
     outer.hide_render = True
 
 
-def parent_to_instancer(lamp):
-    lamp.parent = cycles.add_plane(bpy.context.scene)
-    lamp.parent.instance_type = "FACES"
-
-
 REASONS = [
     ("POINT", lambda lamp: setattr(lamp, "hide_render", True), "hidden in renders"),
     ("POINT", exclude_collection, "excluded from the view layer"),
@@ -80,7 +75,6 @@ REASONS = [
     ("POINT", lambda lamp: setattr(lamp, "visible_glossy", False), "glossy"),
     ("AREA", lambda lamp: setattr(lamp.data.cycles, "is_portal", True), "portal"),
     ("SUN", lambda lamp: setattr(lamp.data, "angle", 2 * SOFT_HALF_ANGLE + 0.01), "smooth"),
-    ("POINT", parent_to_instancer, "instanced"),
 ]
 
 
@@ -221,19 +215,6 @@ def test_a_light_that_animation_switches_on_later_is_kept(scene):
     assert names(hints) == ["Driven", "Keyed"]
     assert [name for name, _ in skipped] == ["Never"]
     assert hints[1].power > 0
-
-
-def test_lights_in_instanced_collections_are_named_as_skipped(scene):
-    lamp = add_lamp(scene, "Lamp")
-    collection = bpy.data.collections.new("Fixture")
-    collection.objects.link(lamp)
-    scene.collection.objects.unlink(lamp)
-    empty = bpy.data.objects.new("Empty", None)
-    empty.instance_type, empty.instance_collection = "COLLECTION", collection
-    scene.collection.objects.link(empty)
-    hints, [(name, reason)] = scene_hints(scene)
-    assert (hints, name) == ([], "Lamp")
-    assert 'instanced by "Empty"' in reason
 
 
 def test_the_eight_strongest_are_kept_in_order_of_name(scene):

@@ -9,7 +9,9 @@ import bpy
 
 from .animation import is_animated
 from .choice import choose
+from .emitters import mesh_emitters
 from .hint import Hint
+from .instances import instance_hints
 from .lamps import lamp_hints
 from .receivers import glint_objects, world_bounds
 from .world import world_hints
@@ -45,9 +47,11 @@ def candidates(scene, layers, receivers, bounds) -> tuple[list[Hint], list[tuple
     """
     rendered = rendered_objects(layers)
     found, skipped = lamp_hints(scene, rendered, receivers, bounds)
-    skipped += _instanced_lights(shown_objects(layers))
+    meshes, dark = mesh_emitters(scene, layers, rendered, receivers, bounds)
+    shown, hidden = instance_hints(scene, layers, shown_objects(layers), receivers, bounds)
     of_world, unseen = world_hints(scene, layers)
-    return sorted(found + of_world, key=lambda hint: hint.order), sorted(skipped + unseen)
+    return sorted(found + meshes + shown + of_world, key=lambda hint: hint.order), sorted(
+        skipped + dark + hidden + unseen)
 
 
 def shown_objects(layers) -> list[bpy.types.Object]:
@@ -73,14 +77,3 @@ def _collect(layer_collection, found):
         found.update(layer_collection.collection.objects)
     for child in layer_collection.children:
         _collect(child, found)
-
-
-def _instanced_lights(objects) -> list[tuple[str, str]]:
-    """Lights that come into the scene inside instanced collections, with the reason why they get no hint."""
-    found = []
-    for empty in objects:
-        if empty.instance_type == "COLLECTION" and empty.instance_collection:
-            inside = [thing for thing in empty.instance_collection.all_objects if thing.type == "LIGHT"]
-            reason = f'instanced by "{empty.name}": no driver can follow it, left to the remainder'
-            found += [(thing.name, reason) for thing in inside]
-    return found

@@ -27,9 +27,9 @@ def lamp_hints(scene, rendered, receivers, bounds) -> tuple[list[Hint], list[tup
     hints, skipped = [], []
     for lamp in (thing for thing in scene.objects if thing.type == "LIGHT"):
         lit = lit_objects(lamp, receivers)
-        reason = _reason_to_skip(lamp, lamp in rendered, bool(lit) or not receivers)
+        reason = _reason_here(lamp, lamp in rendered, bool(lit) or not receivers) or reason_to_skip(lamp)
         boxes = bounds if len(lit) == len(receivers) else world_bounds(lit)
-        hint = _hint(lamp, boxes)
+        hint = lamp_hint(lamp.name, lamp, boxes, object=lamp)
         if not reason and is_still and is_fixed(lamp):
             reason = MISSES if hint.power == 0 else TOO_SOFT if _is_soft(lamp, boxes) else ""
         if reason:
@@ -39,22 +39,36 @@ def lamp_hints(scene, rendered, receivers, bounds) -> tuple[list[Hint], list[tup
     return hints, skipped
 
 
-def _reason_to_skip(lamp, in_rendered_collection: bool, lights_receivers: bool) -> str:
-    """Why the light needs no hint, in words, or an empty string."""
-    light = lamp.data
-    half_angle = light.angle / 2 if light.type == "SUN" else 0.0
+def _reason_here(lamp, in_rendered_collection: bool, lights_receivers: bool) -> str:
+    """Why the light needs no hint where it is, in words, or an empty string."""
     checks = (
         (not in_rendered_collection, "its collections are hidden in renders or excluded from the view layer"),
         (lamp.hide_render and not is_animated(lamp, "hide_render"), "hidden in renders"),
+        (not lights_receivers, "light linking excludes every object with glints"),
+        (_instances_children(lamp.parent), f'shown by "{lamp.parent and lamp.parent.name}" alone, on its faces'),
+    )
+    return next((reason for applies, reason in checks if applies), "")
+
+
+def reason_to_skip(lamp) -> str:
+    """Why a light object needs no hint wherever it is, in words, or an empty string."""
+    light = lamp.data
+    half_angle = light.angle / 2 if light.type == "SUN" else 0.0
+    checks = (
         (light.energy <= 0 and not _may_shine_later(light), "its energy is zero or negative"),
         (max(tint(light)) <= 0 and not is_animated(light, "color"), "its colour is black"),
         (not lamp.visible_glossy, "not visible to glossy rays"),
         (light.type == "AREA" and light.cycles.is_portal, "a portal, which sends out no light of its own"),
         (half_angle > SOFT_HALF_ANGLE and not is_animated(light, "angle"), TOO_SOFT),
-        (not lights_receivers, "light linking excludes every object with glints"),
-        (_instances_children(lamp.parent), f'instanced by "{lamp.parent and lamp.parent.name}": no driver can follow'),
     )
     return next((reason for applies, reason in checks if applies), "")
+
+
+def lamp_hint(name, lamp, boxes, **where) -> Hint:
+    """The hint of light object `lamp`, or of anything with its data and matrix_world; where: its object or instance."""
+    kind = KIND_SUN if lamp.data.type == "SUN" else KIND_LOCAL
+    power = irradiance(lamp, *boxes, peak_value(lamp.data, "energy"))
+    return Hint(name, kind, power, light_size(lamp), **where)
 
 
 def _may_shine_later(light) -> bool:
@@ -65,12 +79,6 @@ def _may_shine_later(light) -> bool:
 def _has_only_keys(light) -> bool:
     animation = light.animation_data
     return not animation.nla_tracks and animation.drivers.find("energy") is None
-
-
-def _hint(lamp, bounds) -> Hint:
-    kind = KIND_SUN if lamp.data.type == "SUN" else KIND_LOCAL
-    power = irradiance(lamp, *bounds, peak_value(lamp.data, "energy"))
-    return Hint(lamp.name, kind, power, light_size(lamp), lamp)
 
 
 def _is_soft(lamp, boxes) -> bool:

@@ -160,11 +160,12 @@ def add_sphere(scene, radius=1.0, *, material=None, segments=64, rings=32) -> bp
 
 
 def emission_material(name="Emission"):
-    """An empty material whose surface is an Emission of strength 1: returns (material, its colour socket).
+    """An empty material whose surface is an Emission of strength 1, no light: returns (material, its colour socket).
 
     Link the value under test to the socket and `rendered` shows it unlit.
     """
     material = bpy.data.materials.new(name)
+    material.cycles.emission_sampling = "NONE"
     if material.node_tree is None:
         material.use_nodes = True
     tree = material.node_tree

@@ -1,0 +1,165 @@
+"""Objects with emissive faces -> hints: bulbs, tubes, neon signs. Large ones light glints well enough without.
+
+What a mesh sends out is estimated: all faces of one material alike, without textures, shadows or cosines.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+
+from ..motion import KEEPS_THE_BOX, copies_others, has_fixed_box, is_fixed, keeps_its_shape
+from ..nodes.glint_lights import KIND_LOCAL
+from .animation import is_animated
+from .emission import sampled_radiance
+from .hint import Ball, Hint
+from .irradiance import NEAREST
+from .receivers import lit_objects, world_bounds
+from .softness import SOFT_HALF_ANGLE, TOO_SOFT, least_half_angle
+
+EMITTERS = {"MESH", "CURVE", "FONT", "SURFACE"}
+# Modifiers that make a mesh another, but always the same from the same.
+MAKES_THE_SAME = KEEPS_THE_BOX | {"DECIMATE", "REMESH", "SCREW", "SOLIDIFY", "WELD", "WIREFRAME"}
+
+DEFORMS = "its shape may change, which no driver can follow: left to the remainder"
+
+
+@dataclass(frozen=True)
+class Shine:
+    """The faces of an object that shine. ball: around them; area [m^2] in the object's own space; radiance: mean over
+    them [W/(m^2 sr)]."""
+
+    ball: Ball
+    area: float
+    radiance: float
+
+
+def mesh_emitters(scene, layers, rendered, receivers, bounds) -> tuple[list[Hint], list[tuple[str, str]]]:
+    """Hints for the emissive objects of `scene`, and those skipped as (name, reason in words).
+
+    rendered: objects in collections that `layers` render; receivers: objects with glints; bounds: their boxes, or
+    others' where there are none. Matrices must be current.
+    """
+    is_still = bool(receivers) and all(has_fixed_box(thing) for thing in receivers)
+    is_still = is_still and not any(copies_others(thing) for thing in scene.objects)
+    hints, skipped, known = [], [], {}
+    for thing in scene.objects:
+        if not shines(thing, known):
+            continue
+        lit = lit_objects(thing, receivers)
+        reason = _reason_here(thing, thing in rendered, bool(lit) or not receivers) or reason_to_skip(thing)
+        found = None if reason else shine(thing, layers, known)
+        if found is not None:
+            boxes = bounds if len(lit) == len(receivers) else world_bounds(lit)
+            hint = mesh_hint(thing.name, thing.matrix_world, found, boxes, object=thing)
+            if is_still and is_fixed(thing) and _is_soft(hint, thing.matrix_world, found, boxes):
+                reason = TOO_SOFT
+            else:
+                hints.append(hint)
+        if reason:
+            skipped.append((thing.name, reason))
+    return hints, skipped
+
+
+def shines(thing, known: dict) -> bool:
+    """Whether Cycles samples an object as a light; `known` remembers each material's radiance."""
+    materials = [slot.material for slot in thing.material_slots] if thing.type in EMITTERS else []
+    for material in materials:
+        if material not in known:
+            known[material] = sampled_radiance(material)
+    return any(known[material] > 0.0 for material in materials)
+
+
+def reason_to_skip(thing) -> str:
+    """Why an emissive object needs no hint wherever it is, in words, or an empty string."""
+    if not thing.visible_glossy:
+        return "not visible to glossy rays"
+    return "" if _keeps_its_shape(thing) else DEFORMS
+
+
+def shine(thing, layers, known) -> Shine | None:
+    """The faces of an object that shine, None if there are none in the view layers."""
+    depsgraph = next((layer.depsgraph for layer in layers if thing.name in layer.objects), layers[0].depsgraph)
+    evaluated = thing.evaluated_get(depsgraph)
+    mesh = evaluated.to_mesh()
+    if mesh is None:
+        return None
+    try:
+        return _shine(thing, mesh, known)
+    finally:
+        evaluated.to_mesh_clear()
+
+
+def mesh_hint(name, matrix, found: Shine, boxes, **where) -> Hint:
+    """The hint of an object with emissive faces whose world matrix is `matrix`; where: its object or instance."""
+    scale = _largest_scale(matrix)
+    size = found.ball.radius * scale
+    hint = Hint(name, KIND_LOCAL, 0.0, size, ball=found.ball, **where)
+    middle = np.array(hint.middle(matrix))
+    low, high = boxes
+    distance = np.maximum(np.linalg.norm(np.clip(middle, low, high) - middle, axis=1), max(NEAREST, size))
+    power = float((found.radiance * _cross_section(found, scale) / distance**2).max(initial=0.0))
+    return Hint(name, KIND_LOCAL, power, size, ball=found.ball, **where)
+
+
+def _reason_here(thing, in_rendered_collection, lights_receivers) -> str:
+    checks = (
+        (not in_rendered_collection, "its collections are hidden in renders or excluded from the view layer"),
+        (thing.hide_render and not is_animated(thing, "hide_render"), "hidden in renders"),
+        (not lights_receivers, "light linking excludes every object with glints"),
+        (thing.parent is not None and thing.parent.instance_type in {"VERTS", "FACES"},
+         f'shown by "{thing.parent and thing.parent.name}" alone, on its faces'),
+    )
+    return next((reason for applies, reason in checks if applies), "")
+
+
+def _keeps_its_shape(thing) -> bool:
+    """Whether the object's faces stay where they are in its own space, as far as can be told."""
+    if all(modifier.type in KEEPS_THE_BOX for modifier in thing.modifiers):
+        return keeps_its_shape(thing)
+    animation = thing.animation_data
+    return animation is None and all(modifier.type in MAKES_THE_SAME for modifier in thing.modifiers)
+
+
+def _shine(thing, mesh, known) -> Shine | None:
+    # Find the faces that shine.
+    values = np.array([known[slot.material] for slot in thing.material_slots])
+    faces = len(mesh.polygons)
+    slots, areas = np.zeros(faces, np.int32), np.zeros(faces, np.float32)
+    mesh.polygons.foreach_get("material_index", slots)
+    mesh.polygons.foreach_get("area", areas)
+    radiances = values[np.minimum(slots, len(values) - 1)]
+    power = float(radiances @ areas)
+    if not power > 0.0:
+        return None
+
+    # Bound them by a ball around the middle of their box.
+    corners, starts = np.zeros(len(mesh.loops), np.int32), np.zeros(faces, np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    mesh.polygons.foreach_get("loop_start", starts)
+    points = np.zeros(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", points)
+    sizes = np.diff(np.append(starts, len(corners)))
+    points = points.reshape(-1, 3)[corners[np.repeat(radiances > 0.0, sizes)]].astype(float)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    radius = float(np.linalg.norm(points - middle, axis=1).max())
+    area = float(areas[radiances > 0.0].sum())
+    return Shine(Ball(tuple(middle.tolist()), radius), area, power / area)
+
+
+def _cross_section(found: Shine, scale) -> float:
+    """Area [m^2] that the faces show from afar: half of a thin sheet's, which has one side for each, and never more
+    than the disk of their ball, which is a ball's."""
+    return min(found.area / 2, pi * found.ball.radius**2) * scale**2
+
+
+def _is_soft(hint, matrix, found, boxes) -> bool:
+    section = _cross_section(found, _largest_scale(matrix))
+    return least_half_angle(np.array(hint.middle(matrix)), section, *boxes) > SOFT_HALF_ANGLE
+
+
+def _largest_scale(matrix) -> float:
+    """As the driver has it (`Frame.largest_scale`)."""
+    return sqrt(max(matrix.col[axis].to_3d().length_squared for axis in range(3)))

@@ -1,0 +1,122 @@
+"""Copies of lights and emissive meshes -> hints: of instanced collections, geometry nodes, particles, faces.
+
+A light in a collection that an empty instances is followed by drivers, which multiply both matrices. No driver knows of
+other copies (geometry nodes, particles, instances within instances): their places are constants, or keys at all frames
+of the scene where anything about them may move, if any is shown at the present one; prepare the scene again when these
+change.
+"""
+
+from __future__ import annotations
+
+from mathutils import Matrix
+
+from ..nodes.glint_lights import KIND_SUN
+from .animation import is_animated
+from .choice import Posed
+from .copies import Copy, copies, matrices_over, may_move
+from .emitters import mesh_hint, shine, shines
+from .emitters import reason_to_skip as reason_to_skip_mesh
+from .hint import Hint, Instance, Pose
+from .lamps import lamp_hint
+from .lamps import reason_to_skip as reason_to_skip_lamp
+from .receivers import lit_objects, world_bounds
+
+INVISIBLE = "not visible to glossy rays"
+UNLINKED = "light linking excludes every object with glints"
+
+
+class _Finder:
+    """Hints of copies; each source is judged once, however many copies of it there are."""
+
+    def __init__(self, layers, receivers, bounds):
+        self.layers, self.receivers, self.bounds = layers, receivers, bounds
+        self.radiances, self.reasons, self.shines, self.boxes = {}, {}, {}, {}
+        self.hints, self.skipped = [], []
+
+    def is_light(self, thing) -> bool:
+        return thing.type == "LIGHT" or shines(thing, self.radiances)
+
+    def add(self, name, source, shower, matrix, instance):
+        """Judge the copy of `source` that object `shower` shows where `matrix` says; note its hint, or why not."""
+        reason = self._reason(source) or ("" if shower.visible_glossy else INVISIBLE)
+        if reason:
+            self.skipped.append((name, reason))
+            return
+        boxes = self.boxes[source]
+        if source.type == "LIGHT":
+            self.hints.append(lamp_hint(name, Posed(source.data, matrix), boxes, instance=instance))
+            return
+        found = self.shines[source]
+        if found is not None:
+            self.hints.append(mesh_hint(name, matrix, found, boxes, instance=instance))
+
+    def pose(self, source, frame, matrix: Matrix | None) -> Pose:
+        """Where a copy of `source` is at a frame, None for a matrix if it is not shown then."""
+        if matrix is None or self._reason(source) or source.type != "LIGHT" and self.shines[source] is None:
+            return Pose(frame, None, 0.0)
+        if source.type != "LIGHT":
+            hint = mesh_hint("", matrix, self.shines[source], self.boxes[source])
+            return Pose(frame, hint.middle(matrix), hint.size)
+        hint = lamp_hint("", Posed(source.data, matrix), self.boxes[source])
+        place = matrix.col[2].to_3d().normalized() if hint.kind == KIND_SUN else matrix.translation
+        return Pose(frame, tuple(place), hint.size)
+
+    def _reason(self, source) -> str:
+        if source not in self.reasons:
+            lit = lit_objects(source, self.receivers)
+            self.boxes[source] = self.bounds if len(lit) == len(self.receivers) else world_bounds(lit)
+            reason = UNLINKED if self.receivers and not lit else ""
+            if source.type == "LIGHT":
+                reason = reason or reason_to_skip_lamp(source)
+            else:
+                reason = reason or reason_to_skip_mesh(source)
+                self.shines[source] = None if reason else shine(source, self.layers, self.radiances)
+            self.reasons[source] = reason
+        return self.reasons[source]
+
+
+def instance_hints(scene, layers, shown, receivers, bounds) -> tuple[list[Hint], list[tuple[str, str]]]:
+    """Hints for the copies of lights in `scene`, named "light in what shows it", and those skipped with the reason.
+
+    shown: objects that `layers` render; receivers: objects with glints; bounds: their boxes, or others' where there are
+    none. Matrices must be current. Where copies may move, all frames of the scene are visited.
+    """
+    finder = _Finder(layers, receivers, bounds)
+    for empty in shown:
+        if empty.instance_type != "COLLECTION" or empty.instance_collection is None:
+            continue
+        to_world = empty.matrix_world @ Matrix.Translation(-empty.instance_collection.instance_offset)
+        for thing in sorted(_rendered_members(empty.instance_collection), key=lambda thing: thing.name_full):
+            if finder.is_light(thing):
+                name = f"{thing.name} in {empty.name}"
+                finder.add(name, thing, empty, to_world @ thing.matrix_world, Instance(thing, empty))
+
+    found = {copy: matrix for copy, matrix in copies(layers, shown).items() if finder.is_light(copy.source)}
+    moving = {copy: matrix for copy, matrix in found.items() if may_move(copy)}
+    over = matrices_over(scene, layers, shown, finder.is_light) if moving else {}
+    for name, copy in _named(found.keys() | over.keys()):
+        matrix = found.get(copy)
+        frames = over.get(copy, {}) if copy in moving or matrix is None else {scene.frame_current: matrix}
+        poses = tuple(finder.pose(copy.source, frame, each) for frame, each in frames.items())
+        shown_somewhere = matrix or next((each for each in frames.values() if each is not None), None)
+        finder.add(name, copy.source, copy.parent, shown_somewhere, Instance(copy.source, None, poses))
+    return finder.hints, finder.skipped
+
+
+def _rendered_members(collection) -> set:
+    """Objects that an instance of `collection` shows in renders."""
+    if collection.hide_render:
+        return set()
+    own = {thing for thing in collection.objects if not thing.hide_render or is_animated(thing, "hide_render")}
+    return own.union(*(_rendered_members(child) for child in collection.children))
+
+
+def _named(found: set[Copy]) -> list[tuple[str, Copy]]:
+    """Copies with names of their own, in an order that is the same at every frame."""
+    ordered = sorted(found, key=lambda copy: (copy.source.name_full, copy.parent.name_full, copy.number))
+    counts, named = {}, []
+    for copy in ordered:
+        name = f"{copy.source.name} in {copy.parent.name}"
+        counts[name] = counts.get(name, 0) + 1
+        named.append((name if counts[name] == 1 else f"{name} {counts[name]}", copy))
+    return named
