@@ -92,18 +92,15 @@ def _repeats(seconds, start_up, start_ups):
 @contextlib.contextmanager
 def pinned_samples(spp: int):
     """Let the glint lobe work as for `spp` samples a pixel, whatever the render takes; nothing without a lobe."""
-    group = bpy.data.node_groups.get((glint_lights.NAME, None))
-    if group is None:
-        yield
-        return
-    socket = group.nodes[glint_lights.SAMPLES].outputs["Value"]
-    curve = driver_curve(socket)
-    curve.mute = True
-    socket.default_value = spp
+    sockets = [group.nodes[glint_lights.SAMPLES].outputs["Value"] for group in glint_lights.groups()]
+    for socket in sockets:
+        driver_curve(socket).mute = True
+        socket.default_value = spp
     try:
         yield
     finally:
-        curve.mute = False
+        for socket in sockets:
+            driver_curve(socket).mute = False
 
 
 def peak_memory(scene) -> int:
