@@ -43,11 +43,12 @@ def run(sizes=SIZES, start_side=START_SIDE, starts=STARTS) -> dict:
 
 
 def bake_row(width, height, repeats, bound, interpolation) -> dict:
-    """Medians of `repeats` bakes, as of `bake_case.bake`, with the size and "bytes_a_texel" of both tables together."""
+    """Medians of `repeats` bakes, as of `bake_case.bake`, with the size and "bytes_a_texel" of all tables together."""
     found = [measured("bake", width, height, interpolation) for _ in range(repeats)]
     row = {key: float(np.median([one[key] for one in found])) for key in found[0]}
     size = {"width": width, "height": height, "interpolation": interpolation, "repeats": repeats, "bound": bound}
-    return {**size, **row, "bytes_a_texel": (row["table_bytes"] + row["counts_bytes"]) / (width * height)}
+    size["bytes_a_texel"] = sum(row[f"{table}_bytes"] for table in ("table", "counts", "index")) / (width * height)
+    return {**size, **row}
 
 
 def start_rows(interpolation, side, starts) -> list[dict]:

@@ -20,6 +20,7 @@ from demo_scenes.truth import truth_material
 from glint_addon.bake.counts import bake_counts, counts_levels
 from glint_addon.bake.normal_map import decoded_normals, slope_bounds
 from glint_addon.bake.openimageio import oiio
+from glint_addon.bake.slope_index import bake_index
 from glint_addon.bake.table import bake_table
 from glint_addon.images import image_pixels
 from glint_addon.material import create_glint_material
@@ -51,10 +52,10 @@ def tiled(width: int, height: int, interpolation: str, channels=3) -> np.ndarray
 
 
 def bake(width: int, height: int, interpolation: str) -> dict:
-    """Bake all that a map in Blender can need, from its image to both files; peak memory is the whole process's.
+    """Bake all that a map in Blender can need, from its image to all files; peak memory is the whole process's.
 
     {"seconds", "cpu_seconds", "peak_bytes", "before_bytes" (peak with the image in Blender and nothing baked),
-    "table_bytes", "counts_bytes"}
+    "table_bytes", "counts_bytes", "index_bytes"}
     """
     image = bpy.data.images.new("Normal map", width, height, float_buffer=True, is_data=True)
     image.pixels.foreach_set(tiled(width, height, interpolation, channels=4).reshape(-1))
@@ -67,11 +68,12 @@ def bake(width: int, height: int, interpolation: str) -> dict:
         table, _ = bake_table(normals, Path(folder), interpolation=interpolation)
         levels = every[0], every[-1]
         counts = bake_counts(normals, Path(folder), interpolation=interpolation, levels=levels)[0]
+        index, _ = bake_index(normals, Path(folder), interpolation=interpolation)
         seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - cpu_start
-        sizes = table.stat().st_size, counts.stat().st_size
+        sizes = [path.stat().st_size for path in (table, counts, index)]
     return {
         "seconds": seconds, "cpu_seconds": cpu_seconds, "peak_bytes": _peak_bytes(), "before_bytes": before,
-        "table_bytes": sizes[0], "counts_bytes": sizes[1],
+        "table_bytes": sizes[0], "counts_bytes": sizes[1], "index_bytes": sizes[2],
     }
 
 

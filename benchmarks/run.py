@@ -80,8 +80,9 @@ def nodes_osl_microseconds(name) -> float:
 
 
 def table_bytes(scene) -> int:
-    """Bytes of the files of all glint tables and counts of the scene; 0 for Blender's nodes."""
-    names = {group.get(key, "") for group in scene_glint_groups(scene) for key in ("glint_table", "glint_counts")}
+    """Bytes of the files of all glint tables of the scene; 0 for Blender's nodes."""
+    keys = "glint_table", "glint_counts", "glint_index"
+    names = {group.get(key, "") for group in scene_glint_groups(scene) for key in keys}
     return sum(Path(name).stat().st_size for name in names if name)
 
 

@@ -25,6 +25,8 @@ FAR_SIDE_FIRST = 1.2
 FAR_SIDE_LONG = 2.0
 # Where bins are too wide for the lobe, blocks this much larger are taken, whose bins are narrower: osl/lobe.h.
 NARROWER_BINS = 2.0
+# Least short semi-axis for which the shader asks the index: osl/slope_index.h.
+INDEX_SHORT_AXIS = 3.0
 # On both sides: for another number of samples (16 instead of 256: 1.8) or a camera moved a little after preparing.
 MARGIN = 2.0
 EVERYTHING = (0.0, np.inf)
@@ -85,6 +87,11 @@ def counts_levels_reached(footprints, width: int, height: int, interpolation: st
     nearest = [block for block in levels if block <= FAR_SIDE * smallest]
     farthest = [block for block in levels if block <= NARROWER_BINS * FAR_SIDE_LONG * largest]
     return max(nearest, default=levels[0]), max(farthest)
+
+
+def index_is_reached(footprints) -> bool:
+    """Whether a sample asks for the index; footprints as for `counts_levels_reached`."""
+    return footprints[1] >= INDEX_SHORT_AXIS
 
 
 def _rigid_mesh(scene, thing) -> bpy.types.Mesh | None:

@@ -8,16 +8,17 @@ from pathlib import Path
 
 from .bake.counts import bake_counts, file_size
 from .bake.normal_map import decoded_normals, slope_bounds
+from .bake.slope_index import bake_index, index_shape
 from .bake.table import bake_table, padded_size
-from .footprints import counts_levels_reached, footprint_range
+from .footprints import counts_levels_reached, footprint_range, index_is_reached
 from .images import image_pixels, image_stamp
 from .jobs import Job
 from .nodes import glint_bsdf
 from .nodes.builder import STAMP
 
 TEXEL_BYTES = 16  # four 32-bit floats, in memory and in the file
-# Part of a map's work that its table of normals takes; the rest are the counts.
-TABLE_SHARE = 0.2
+# Parts of a map's work: table of normals, index, counts.
+TABLE_SHARE, INDEX_SHARE, COUNTS_SHARE = 0.2, 0.3, 0.5
 # What a group remembers, each with "glint_" before it, in the order of `glint_bsdf.set_table`.
 REMEMBERED = ("table", "size", "slope_low", "slope_high")
 COUNTS_REMEMBERED = ("counts", "counts_levels", "bin_low", "bin_high")
@@ -26,14 +27,15 @@ COUNTS_REMEMBERED = ("counts", "counts_levels", "bin_low", "bin_high")
 @dataclass
 class MapPlan:
     """A map and one way to read it, for all groups that do. size: (width, height) in texels; levels: block sides
-    (first, last) of the counts it needs, or None; has_table: whether it gets tables at all; known: a group that
-    remembers the tables of the map as it is now, or None."""
+    (first, last) of the counts it needs, or None; has_index: whether it needs the index; has_table: whether it gets
+    tables at all; known: a group that remembers the tables of the map as it is now, or None."""
 
     groups: list
     size: tuple[int, int]
     stamp: str
     known: object | None
     levels: tuple[int, int] | None = None
+    has_index: bool = False
     has_table: bool = True
 
     @property
@@ -59,6 +61,12 @@ class MapPlan:
         columns, rows = file_size(*self.size, self.interpolation, self.levels)
         return columns * rows * TEXEL_BYTES
 
+    @property
+    def index_bytes(self) -> int:
+        """Memory of the index, if the plan has one."""
+        columns, rows = index_shape(*self.size)
+        return columns * rows * TEXEL_BYTES * self.has_index
+
 
 def map_plans(scene, uses, folder: Path, *, mirrored: bool, keep_levels: bool) -> list[MapPlan]:
     """One plan for each map and way to read it. uses: {group: [(object, material), ...]} of the groups to prepare.
@@ -76,6 +84,7 @@ def map_plans(scene, uses, folder: Path, *, mirrored: bool, keep_levels: bool) -
         footprints = min(low for low, _ in ranges), max(high for _, high in ranges)
         plan.levels = counts_levels_reached(footprints, *plan.size, plan.interpolation)
         plan.levels = _with_stored(plan.levels, _stored_counts(plan.known, folder), keep_levels)
+        plan.has_index = index_is_reached(footprints) or keep_levels and _stored_index(plan.known, folder) != ""
     return plans
 
 
@@ -97,33 +106,41 @@ def bake_plan(plan: MapPlan, folder: Path, report: dict, start: float, end: floa
     Adds to "baked" and "reused" of `report`, once for each group, and to its count of images read. Raises MapError.
     """
     if not plan.has_table:
-        return "", list(plan.size), [0.0, 0.0], [0.0, 0.0], None
+        return "", list(plan.size), [0.0, 0.0], [0.0, 0.0], None, ""
     counts = _stored_counts(plan.known, folder) if plan.levels is not None else None
     if counts is not None and counts[1] != list(plan.levels):
         counts = None
+    index = _stored_index(plan.known, folder) if plan.has_index else ""
     # Nothing to bake: do not even read the pixels. Missing file: a warning says so, its table is still here.
-    if plan.known is not None and (counts is not None or plan.levels is None or is_missing(plan.image)):
+    is_whole = (counts is not None or plan.levels is None) and (index or not plan.has_index)
+    if plan.known is not None and (is_whole or is_missing(plan.image)):
         path, *others = (plan.known[f"glint_{name}"] for name in REMEMBERED)
-        values = path, *map(list, others), counts
+        values = path, *map(list, others), counts, index
         report["reused"] += _paths(values) * len(plan.groups)
         return values
 
     report["counts"]["images_read"] += 1
     name = plan.image.name
     normals = decoded_normals(image_pixels(plan.image), convention=plan.groups[0]["glint_convention"], name=name)
-    middle = start + (end - start) * (TABLE_SHARE if plan.levels is not None else 1.0)
+    shares = TABLE_SHARE, INDEX_SHARE * plan.has_index, COUNTS_SHARE * (plan.levels is not None)
+    ends = [start + (end - start) * sum(shares[: part + 1]) / sum(shares) for part in range(len(shares))]
+
+    def note(path, written):
+        report["baked"] += [str(path)] * written
+        report["reused"] += [str(path)] * (len(plan.groups) - written)
+        return str(path)
+
     job = partial(bake_table, normals, folder, interpolation=plan.interpolation)
-    path, written = yield Job(f'Baking "{name}"', start, middle, job)
-    report["baked"] += [str(path)] * written
-    report["reused"] += [str(path)] * (len(plan.groups) - written)
+    path = note(*(yield Job(f'Baking "{name}"', start, ends[0], job)))
+    if plan.has_index:
+        job = partial(bake_index, normals, folder, interpolation=plan.interpolation)
+        index = note(*(yield Job(f'Sorting "{name}"', ends[0], ends[1], job)))
     if plan.levels is not None:
         job = partial(bake_counts, normals, folder, interpolation=plan.interpolation, levels=plan.levels)
-        counts_path, counts_written, low, high = yield Job(f'Counting "{name}"', middle, end, job)
-        report["baked"] += [str(counts_path)] * counts_written
-        report["reused"] += [str(counts_path)] * (len(plan.groups) - counts_written)
-        counts = str(counts_path), list(plan.levels), _floats(low), _floats(high)
+        counts_path, written, low, high = yield Job(f'Counting "{name}"', ends[1], ends[2], job)
+        counts = note(counts_path, written), list(plan.levels), _floats(low), _floats(high)
     low, high = slope_bounds(normals)
-    return str(path), [normals.shape[1], normals.shape[0]], _floats(low), _floats(high), counts
+    return path, [normals.shape[1], normals.shape[0]], _floats(low), _floats(high), counts, index
 
 
 def named_levels(plans) -> dict[str, list[int] | None]:
@@ -136,7 +153,7 @@ def named_levels(plans) -> dict[str, list[int] | None]:
     }
 
 
-def remember(group, stamp: str, path: str, size, slope_low, slope_high, counts):
+def remember(group, stamp: str, path: str, size, slope_low, slope_high, counts, index: str):
     """Store on a group what the next call needs to find its tables again without reading the image."""
     group["glint_source"] = stamp if path else ""
     group["glint_size"] = size
@@ -144,6 +161,7 @@ def remember(group, stamp: str, path: str, size, slope_low, slope_high, counts):
     group["glint_slope_high"] = slope_high
     for name, value in zip(COUNTS_REMEMBERED, counts or ("", [0, 0], [0.0, 0.0], [0.0, 0.0]), strict=True):
         group[f"glint_{name}"] = value
+    group["glint_index"] = index
 
 
 def is_missing(image) -> bool:
@@ -174,15 +192,25 @@ def _stored_counts(group, folder):
     """Path, levels, low and high bins of the counts that a group remembers, or None if they are not there."""
     if group is None or not group.get("glint_counts"):
         return None
-    path = Path(group["glint_counts"])
-    if not path.is_file() or path.parent != folder and not is_missing(group["glint_image"]):
+    if not _is_stored(group, group["glint_counts"], folder):
         return None
-    return str(path), *(list(group[f"glint_{name}"]) for name in COUNTS_REMEMBERED[1:])
+    return group["glint_counts"], *(list(group[f"glint_{name}"]) for name in COUNTS_REMEMBERED[1:])
+
+
+def _stored_index(group, folder) -> str:
+    """Path of the index that a group remembers, or "" if it is not there."""
+    path = group.get("glint_index", "") if group is not None else ""
+    return path if path and _is_stored(group, path, folder) else ""
+
+
+def _is_stored(group, path: str, folder) -> bool:
+    """Whether the file is there and in the folder of this .blend file; that of a missing map may be anywhere."""
+    return Path(path).is_file() and (Path(path).parent == folder or is_missing(group["glint_image"]))
 
 
 def _paths(values) -> list[str]:
-    path, *_, counts = values
-    return [path, counts[0]] if counts else [path]
+    path, *_, counts, index = values
+    return [name for name in (path, index, counts and counts[0]) if name]
 
 
 def _floats(bound) -> list[float]:

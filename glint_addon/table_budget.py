@@ -1,4 +1,4 @@
-"""Tables that fit the memory: where they do not, coarser counts first, then no table for the largest maps."""
+"""Tables that fit the memory: where they do not, coarser counts first, then no index, then no table for the largest."""
 
 from __future__ import annotations
 
@@ -14,20 +14,23 @@ def fit_budget(plans, budget: float) -> list[str]:
     """
     # Find out what even the tables of normals cannot do without.
     warnings = []
-    needed = sum(plan.table_bytes + plan.counts_bytes for plan in plans)
+    needed = _bytes(plans)
     left_out = []
     kept = sorted(plans, key=lambda plan: (plan.table_bytes, plan.image.name_full))
     while kept and sum(plan.table_bytes for plan in kept) > budget * MIB:
         plan = kept.pop()
-        plan.has_table, plan.levels = False, None
+        plan.has_table, plan.has_index, plan.levels = False, False, None
         left_out.append(plan)
 
-    # Drop the finest blocks of the map whose counts are largest, until the rest fits.
+    # Drop the finest blocks of the map whose counts are largest, then indices, until the rest fits.
     coarser = []
-    while sum(plan.table_bytes + plan.counts_bytes for plan in kept) > budget * MIB:
-        plan = max(kept, key=lambda plan: plan.counts_bytes)
-        first, last = plan.levels
-        plan.levels = (2 * first, last) if first < last else None
+    while _bytes(kept) > budget * MIB:
+        plan = max(kept, key=lambda plan: (plan.counts_bytes, plan.index_bytes))
+        if plan.levels is None:
+            plan.has_index = False
+        else:
+            first, last = plan.levels
+            plan.levels = (2 * first, last) if first < last else None
         coarser.append(plan)
 
     reason = f"glint tables take {megabytes(needed)} of memory and the budget is {megabytes(budget * MIB)}"
@@ -35,8 +38,13 @@ def fit_budget(plans, budget: float) -> list[str]:
     if left_out:
         warnings.append(f"{_names(left_out)} left to Blender's own nodes, which are noisy ({reason}): {cure}.")
     if coarser:
-        warnings.append(f"{_names(coarser)} noisier in far views, without the finest counts ({reason}): {cure}.")
+        warnings.append(f"{_names(coarser)} noisier or slower in far views, without some of their tables ({reason}): {cure}.")
     return warnings
+
+
+def _bytes(plans) -> int:
+    """Memory of all tables of the plans."""
+    return sum(plan.table_bytes + plan.counts_bytes + plan.index_bytes for plan in plans)
 
 
 def _names(plans) -> str:

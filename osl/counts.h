@@ -94,16 +94,7 @@ Level counts_level(Counts counts, int block, int width, int height, int is_linea
   level.group_u = width / (float)level.columns;
   level.group_v = height / (float)level.rows;
   int texels = texels_before(counts, counts.first << counts.levels, width, height, is_linear);
-  level.log_width = 4;
-  while (level.log_width < 13 && (1 << (2 * level.log_width)) < texels) {
-    level.log_width += 1;
-  }
-  int rows = 1;
-  while ((rows << level.log_width) < texels) {
-    rows *= 2;
-  }
-  level.inverse_width = 1.0 / (1 << level.log_width);
-  level.inverse_height = 1.0 / rows;
+  list_shape(texels, level.log_width, level.inverse_width, level.inverse_height);
   return level;
 }
 

@@ -174,6 +174,10 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
     if (map.is_linear) {
       patch = hit_patch(map, hit);
     }
+    if ((mode == MODE_ALL || mode == MODE_SUBSET) && index_serves(map, footprint, hints, hint_count, hit.u, hit.v)) {
+      mode = MODE_INDEX;
+      map.fetches += 1;
+    }
     is_selected = hit_is_selected(map, hints, hint_count, alpha, mode, patch, hit.u - hit.i, hit.v - hit.j, hit.n);
   }
   closure color remainder = 0;
@@ -191,7 +195,12 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
   }
   else {
     Selection s;
-    float total = glint_query(map, hints, hint_count, alpha, footprint, mode, hit.u, hit.v, shift[0], shift[1], s, visited);
+    s.count = 0;
+    s.merged = 0;
+    s.cells = hint_cells(hint_count);
+    float total = mode == MODE_INDEX ?
+        index_query(map, hints, hint_count, alpha, footprint, hit.u, hit.v, s, visited) :
+        glint_query(map, hints, hint_count, alpha, footprint, mode, hit.u, hit.v, shift[0], shift[1], s, visited);
     sum = selection_closures(distribution, alpha, hints, hint_count, s, total, hit.u, hit.v, remainder, closures);
   }
   counters = color(visited, closures, mode);

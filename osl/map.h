@@ -18,6 +18,8 @@ struct Map {
   float strength;
   int is_linear;
   Counts counts;
+  string index; /* table of slope_index.h */
+  int is_indexed; /* whether there is one */
   /* Right-hand corners of the last patch that was fetched, which are the left-hand ones of the next in its row. */
   int kept;    /* number of their column, rows one after the other; from 1 on, 0: none */
   vector kept_low;

@@ -25,6 +25,7 @@
 #define MODE_ALL 3
 #define MODE_SUBSET 4
 #define MODE_COUNTS 5
+#define MODE_INDEX 6
 
 /* Additive recurrence with the plastic number: the k-th of a low-discrepancy set of points in the unit square.
  * Source: Roberts, The Unreasonable Effectiveness of Quasirandom Sequences, 2018. */
@@ -88,28 +89,37 @@ int hit_is_selected(Map map, HalfVector hints[8], int hint_count, float alpha, i
   return 0;
 }
 
-/* Select what one texel holds. A normal belongs to the first hint in whose region it lies, or it would count twice.
- * first: hints[0] by itself, because each use of an array's element copies the whole struct (a quarter of the time). */
-void visit_texel(output Map map, HalfVector first, HalfVector hints[8], int hint_count, int i, int j, float offset_u,
+/* Select what one texel holds for the hints from `from` to before `to`. A normal belongs to the first of all hints in whose
+ * region it lies, or it would count twice. first: hints[from] by itself, because each use of an array's element copies the
+ * whole struct (a quarter of the time). */
+void visit_texel(output Map map, HalfVector first, HalfVector hints[8], int from, int to, int i, int j, float offset_u,
                  float offset_v, float weight, output Selection s)
 {
   vector n = map_normal(map, i, j);
+  int found = -1;
   float p1, p2;
   if (texel_slope(first, n, offset_u, offset_v, p1, p2)) {
-    select_element(s, hints, 0, weight, p1, p2, 0, 0, 0);
-    return;
+    found = from;
   }
-  for (int h = 1; h < hint_count; ++h) {
+  for (int h = from + 1; h < to && found < 0; ++h) {
     if (texel_slope(hints[h], n, offset_u, offset_v, p1, p2)) {
-      select_element(s, hints, h, weight, p1, p2, 0, 0, 0);
-      return;
+      found = h;
     }
+  }
+  for (int g = 0; g < from && found >= 0; ++g) {
+    float q1, q2;
+    if (texel_slope(hints[g], n, offset_u, offset_v, q1, q2)) {
+      found = -1;
+    }
+  }
+  if (found >= 0) {
+    select_element(s, hints, found, weight, p1, p2, 0, 0, 0);
   }
 }
 
-/* Select what one patch holds, or in MODE_POINTS its point (a, b), whose share of the footprint has the deviations
- * (first_a, first_b) and (second_a, second_b). offset: of the patch's lower left corner. */
-void visit_patch(output Map map, HalfVector first, HalfVector hints[8], int hint_count, float alpha, int mode, int i,
+/* Select what one patch holds for the hints from `from` to before `to`, or in MODE_POINTS its point (a, b), whose share of
+ * the footprint has the deviations (first_a, first_b) and (second_a, second_b). offset: of the patch's lower left corner. */
+void visit_patch(output Map map, HalfVector hints[8], int from, int to, float alpha, int mode, int i,
                  int j, float offset_u, float offset_v, float a, float b, float first_a, float first_b,
                  float second_a, float second_b, float weight, output Selection s)
 {
@@ -121,7 +131,7 @@ void visit_patch(output Map map, HalfVector first, HalfVector hints[8], int hint
         patch_bounds(map.table, map.inverse_padded_width, map.inverse_padded_height, i, j, ball), map.strength);
     ball *= max(abs(map.strength), 1.0);
     int reached = 0;
-    for (int h = 0; h < hint_count && !reached; ++h) {
+    for (int h = from; h < to && !reached; ++h) {
       reached = hint_reaches_ball(hints[h], centre, ball, offset_u + 0.5, offset_v + 0.5);
     }
     if (!reached) {
@@ -133,7 +143,7 @@ void visit_patch(output Map map, HalfVector first, HalfVector hints[8], int hint
   int columns = mode == MODE_POINTS ? 1 : patch_columns(patch, alpha);
   int rows = mode == MODE_POINTS ? 1 : patch_rows(patch, alpha);
   float part_weight = weight / (columns * rows);
-  for (int h = 0; h < hint_count; ++h) {
+  for (int h = from; h < to; ++h) {
     PatchSlopes slopes;
     if (patch_slopes(hints[h], patch, offset_u, offset_v, slopes)) {
       for (int part = 0; part < columns * rows; ++part) {
@@ -172,10 +182,6 @@ void visit_patch(output Map map, HalfVector first, HalfVector hints[8], int hint
 float glint_query(output Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, int mode, float u,
                   float v, float shift_1, float shift_2, output Selection s, output int visited)
 {
-  s.count = 0;
-  s.merged = 0;
-  s.cells = hint_cells(hint_count);
-  visited = 0;
   float total = 0;
   HalfVector first = hints[0];
 
@@ -205,11 +211,11 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
         total += weight;
         visited += 1;
         if (map.is_linear) {
-          visit_patch(map, first, hints, hint_count, alpha, MODE_ALL, i, j, du - 0.5, dv - 0.5, 0, 0, 0, 0, 0, 0,
+          visit_patch(map, hints, 0, hint_count, alpha, MODE_ALL, i, j, du - 0.5, dv - 0.5, 0, 0, 0, 0, 0, 0,
                       weight, s);
         }
         else {
-          visit_texel(map, first, hints, hint_count, i, j, du, dv, weight, s);
+          visit_texel(map, first, hints, 0, hint_count, i, j, du, dv, weight, s);
         }
         i = i + 1 < map.width ? i + 1 : 0;
       }
@@ -238,13 +244,13 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
       total += 1.0;
       visited += 1;
       if (map.is_linear) {
-        visit_patch(map, first, hints, hint_count, alpha, mode, i, j, column - u, row - v, point_u - column,
+        visit_patch(map, hints, 0, hint_count, alpha, mode, i, j, column - u, row - v, point_u - column,
                     point_v - row, share * footprint.ux, share * footprint.vx, share * footprint.uy,
                     share * footprint.vy, 1.0, s);
       }
       else {
         /* Seen at the point, not at the texel's centre, which may lie far outside a thin footprint. */
-        visit_texel(map, first, hints, hint_count, i, j, point_u - u, point_v - v, 1.0, s);
+        visit_texel(map, first, hints, 0, hint_count, i, j, point_u - u, point_v - v, 1.0, s);
       }
     }
   }

@@ -71,3 +71,18 @@ void strengthened_bounds(float strength, output vector low, output vector high)
   low = min(one, other);
   high = max(one, other);
 }
+
+/* Sides of the texture that holds a list of `texels`: powers of two, as nearly alike as they can be. Twin: list_shape(). */
+void list_shape(int texels, output int log_width, output float inverse_width, output float inverse_height)
+{
+  log_width = 4;
+  while (log_width < 13 && (1 << (2 * log_width)) < texels) {
+    log_width += 1;
+  }
+  int rows = 1;
+  while ((rows << log_width) < texels) {
+    rows *= 2;
+  }
+  inverse_width = 1.0 / (1 << log_width);
+  inverse_height = 1.0 / rows;
+}

@@ -29,7 +29,7 @@ SEAM_FETCHES = 3  # more, where Linear interpolates over the map's edge: its fou
 SHADOW_SCALE = 0.05  # counts to transparency: small, so that nothing clips
 
 
-def build(*, texels, interpolation="LINEAR", suns=1, direction=(0, 1, 1), std=0.15, **settings):
+def build(*, texels, interpolation="LINEAR", suns=1, direction=(0, 1, 1), std=0.15, is_indexed=True, **settings):
     """A prepared scene with about `texels` texels of a map along a pixel: (scene, plane, material)."""
     scene = cycles.empty_scene(size=(16, 16))
     cycles.box_filter(scene)
@@ -43,6 +43,9 @@ def build(*, texels, interpolation="LINEAR", suns=1, direction=(0, 1, 1), std=0.
     material = create_glint_material("Glint", image, interpolation=interpolation, **settings)
     plane.data.materials.append(material)
     prepare_scene(scene)
+    if not is_indexed:
+        (group,) = glint_groups(material)
+        group.nodes[SCRIPT_NODE].inputs["IndexTable"].default_value = ""
     return scene, plane, material
 
 
@@ -152,8 +155,8 @@ def test_a_footprint_within_a_texel_is_one_closure():
 
 
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
-def test_every_element_under_the_footprint_is_visited_once(interpolation):
-    seen = counts_of(texels=10, interpolation=interpolation)
+def test_without_an_index_every_element_under_the_footprint_is_visited_once(interpolation):
+    seen = counts_of(texels=10, interpolation=interpolation, is_indexed=False)
     # An ellipse of 1.1 pixels at one sample, seen at 45 degrees: stretched by sqrt(2), ten texels a pixel.
     area = np.pi * 11.0 * 11.0 * np.sqrt(2.0)
     assert (seen.mode == MODE["ALL"]).all() and seen.share_left_early == 0.0
@@ -163,17 +166,24 @@ def test_every_element_under_the_footprint_is_visited_once(interpolation):
 
 
 def test_a_texel_is_fetched_once_and_a_patch_once_or_with_its_corners_where_a_light_reaches_it():
-    seen = counts_of(texels=10, interpolation="CLOSEST")
+    seen = counts_of(texels=10, interpolation="CLOSEST", is_indexed=False)
     np.testing.assert_array_equal(seen.fetches, PLAIN_FETCHES + seen.visited)
-    seen = counts_of(texels=10)
+    seen = counts_of(texels=10, is_indexed=False)
     corners = seen.fetches - seen.visited - PLAIN_FETCHES - 4  # the hit's own patch
     assert (corners >= 0).all() and (corners <= 4 * seen.visited + SEAM_FETCHES).all()
     # One patch in three, at least, is told from its bounds alone.
     assert corners.mean() < 4 * seen.visited.mean() * 2 / 3
 
 
+@pytest.mark.parametrize(("interpolation", "share"), [("CLOSEST", 0.2), ("LINEAR", 0.75)])
+def test_with_an_index_few_elements_are_visited_and_less_is_fetched(interpolation, share):
+    seen, plain = (counts_of(texels=10, interpolation=interpolation, is_indexed=wanted) for wanted in (True, False))
+    assert (seen.mode == MODE["INDEX"]).all()
+    assert seen.visited.mean() < 0.4 * plain.visited.mean() and seen.fetches.mean() < share * plain.fetches.mean()
+
+
 def test_more_samples_mean_smaller_footprints():
-    scene, _, material = build(texels=10)
+    scene, _, material = build(texels=10, is_indexed=False)
     seen = [counters(scene, material, samples).visited.mean() for samples in (1, 64)]
     # footprint.h: the radius falls with samples^0.21, the area with its square.
     assert seen[1] / seen[0] == pytest.approx(64 ** -0.42, rel=0.1)
@@ -195,8 +205,8 @@ def test_far_views_read_the_counts_of_a_few_blocks_whatever_the_distance(interpo
 
 
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
-def test_far_views_without_counts_visit_and_return_no_more_than_the_bounds(interpolation):
-    scene, _, material = build(texels=100, interpolation=interpolation, suns=2)
+def test_far_views_without_counts_and_index_visit_and_return_no_more_than_the_bounds(interpolation):
+    scene, _, material = build(texels=100, interpolation=interpolation, suns=2, is_indexed=False)
     (group,) = glint_groups(material)
     group.nodes[SCRIPT_NODE].inputs["CountsFirst"].default_value = 0
     seen = counters(scene, material)

@@ -1,12 +1,14 @@
 """Which tables prepare_scene bakes, keeps and leaves out: levels by what the camera sees, memory by the budget."""
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
 
 import glint_addon
 from glint_addon import create_glint_material, prepare_scene
-from glint_addon.bake import counts
+from glint_addon.bake import counts, slope_index
 from glint_addon.bake.normal_map import decoded_normals
 from glint_addon.errors import CancelledError
 from glint_addon.images import image_pixels
@@ -24,6 +26,7 @@ PLANE = 2.0  # metres
 PIXELS = 32
 MIB = 2**20
 TABLE = SIDE * SIDE * 16  # bytes of a Closest table of normals
+INDEX = np.prod(slope_index.index_shape(SIDE, SIDE)) * 16  # bytes
 
 
 @pytest.fixture
@@ -70,7 +73,9 @@ def test_a_near_view_bakes_no_counts_and_a_far_one_bakes_the_levels_it_reaches(s
     report = prepare_scene(scene)
     (path,) = counts_files(report, "baked")
     assert report["levels"] == {"flakes.png": BLOCKS} and path.endswith("_64_128.exr")
-    assert report["counts"]["tables_baked"] == 1 and report["counts"]["tables_in_use"] == 2
+    # And the index; the table of normals was there.
+    assert report["counts"]["tables_baked"] == 2 and report["counts"]["tables_in_use"] == 3
+    assert group_of(plane).nodes[glint_bsdf.SCRIPT_NODE].inputs["IndexTable"].default_value in report["baked"]
     low, high = counts.slope_box(decoded_normals(image_pixels(group_of(plane)["glint_image"])))
     assert shown(group_of(plane)) == {
         "CountsTable": path, "CountsFirst": 64, "CountsLevels": 2, "BinLow": (*low, 0), "BinHigh": (*high, 0)}
@@ -99,12 +104,13 @@ def test_counts_of_more_levels_than_needed_are_kept_and_of_fewer_are_baked_again
     assert prepare_scene(scene)["levels"] == {"flakes.png": None} and shown(group_of(plane))["CountsTable"] == ""
 
 
-def test_a_deleted_file_of_counts_is_baked_again_and_nothing_else(scene, plane, tmp_path):
+def test_a_deleted_file_is_baked_again_and_nothing_else(scene, plane):
     look(scene, 64)
-    (path,) = counts_files(prepare_scene(scene), "baked")
-    (tmp_path / TABLE_FOLDER_NAME / path.rpartition("/")[2].rpartition("\\")[2]).unlink()
-    report = prepare_scene(scene)
-    assert report["baked"] == [path] and len(report["reused"]) == 1
+    baked = prepare_scene(scene)["baked"]
+    for path in (*counts_files({"baked": baked}, "baked"), group_of(plane)["glint_index"]):
+        Path(path).unlink()
+        report = prepare_scene(scene)
+        assert report["baked"] == [path] and sorted(report["reused"]) == sorted(set(baked) - {path})
 
 
 def test_materials_that_read_a_map_alike_share_its_counts(scene, plane, tmp_path):
@@ -112,9 +118,9 @@ def test_materials_that_read_a_map_alike_share_its_counts(scene, plane, tmp_path
     plane.data.materials.append(
         create_glint_material("GGX", tmp_path / "flakes.png", interpolation="CLOSEST", distribution="GGX"))
     report = prepare_scene(scene)
-    assert len(report["baked"]) == 2 and sorted(report["reused"]) == sorted(report["baked"])
+    assert len(report["baked"]) == 3 and sorted(report["reused"]) == sorted(report["baked"])
     assert report["counts"]["images_read"] == 1 and shown(group_of(plane, 0)) == shown(group_of(plane, 1))
-    assert prepare_scene(scene)["counts"]["tables_in_use"] == 2
+    assert prepare_scene(scene)["counts"]["tables_in_use"] == 3
 
 
 def test_each_way_of_reading_a_map_is_named_in_the_report(scene, plane, tmp_path):
@@ -139,7 +145,7 @@ def test_a_changed_map_has_its_counts_baked_again(scene, plane, tmp_path):
     old = prepare_scene(scene)["baked"]
     write_flake_map(tmp_path / "flakes.png", SIDE // 2)
     report = prepare_scene(scene)
-    assert len(report["baked"]) == 2 and not set(report["baked"]) & set(old)
+    assert len(report["baked"]) == 3 and not set(report["baked"]) & set(old)
     assert shown(group_of(plane))["CountsTable"] == counts_files(report, "baked")[0]
 
 
@@ -208,13 +214,15 @@ def test_within_the_budget_nothing_is_said(scene, plane):
 def test_a_small_budget_drops_the_finest_counts_first(scene, plane):
     look(scene, 64)
     columns, rows = counts.file_size(SIDE, SIDE, "CLOSEST", (128, 128))
-    report = prepare_scene(scene, table_budget=(TABLE + columns * rows * 16) / MIB)
+    report = prepare_scene(scene, table_budget=(TABLE + INDEX + columns * rows * 16) / MIB)
     assert report["levels"] == {"flakes.png": [128, 128]} and shown(group_of(plane))["CountsFirst"] == 128
     (sentence,) = report["warnings"]
     assert "flakes.png" in sentence and "budget" in sentence and "raise Table Budget" in sentence
     assert ": " in sentence and sentence.endswith(".")
+    report = prepare_scene(scene, table_budget=(TABLE + INDEX) / MIB)
+    assert report["levels"] == {"flakes.png": None} and len(report["warnings"]) == 1 and group_of(plane)["glint_index"]
     report = prepare_scene(scene, table_budget=TABLE / MIB)
-    assert report["levels"] == {"flakes.png": None} and len(report["warnings"]) == 1
+    assert len(report["warnings"]) == 1 and group_of(plane)["glint_table"] and not group_of(plane)["glint_index"]
     # With room again, all come back.
     assert prepare_scene(scene, table_budget=16)["levels"] == {"flakes.png": BLOCKS}
 
@@ -245,6 +253,6 @@ def test_the_scenes_own_budget_counts_where_the_caller_gives_none(scene, plane):
         assert scene.glint.table_budget == 2048
         scene.glint.table_budget = 1
         plane.data.materials.append(create_glint_material("Linear", group_of(plane)["glint_image"]))
-        assert len(prepare_scene(scene)["warnings"]) == 1 and not prepare_scene(scene, table_budget=16)["warnings"]
+        assert prepare_scene(scene)["warnings"] and not prepare_scene(scene, table_budget=16)["warnings"]
     finally:
         glint_addon.unregister()

@@ -464,7 +464,7 @@ VISIT_BODY = """
   hints[0] = hint;
   Selection s;
   s.count = 0; s.merged = 0; s.cells = hint_cells(1);
-  visit_patch(map, hints[0], hints, 1, 0.01, MODE_POINTS, (int)in[17], (int)in[18], -in[19], -in[20], in[19], in[20],
+  visit_patch(map, hints, 0, 1, 0.01, MODE_POINTS, (int)in[17], (int)in[18], -in[19], -in[20], in[19], in[20],
               0, 0, 0, 0, 1.0, s);
   out[0] = s.count; out[1] = map.fetches;
 """

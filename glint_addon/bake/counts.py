@@ -30,7 +30,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import TableError
-from .float_image import stored_pairs, write_whole
+from .float_image import list_shape, stored_pairs, write_whole
 from .progress import Steps
 from .slope_counts import group_counts, slope_box
 
@@ -51,7 +51,6 @@ LARGEST_LISTED = 1024  # texels: larger blocks have as many corners
 # averages several blocks.
 SUB_POINTS = {32: 6, 64: 4, 128: 4, 256: 3}
 SUB_POINTS_ABOVE = 2
-SMALLEST_WIDTH, LARGEST_WIDTH = 16, 8192  # of the file, in texels
 BOX = ("glint:low", "glint:high")  # slope box in the file's header: quantiles of a large map take seconds
 BOXED, COUNTED = 0.05, 0.8  # part of the work that is done when the box is known, and when the counts are in memory
 
@@ -103,11 +102,7 @@ def file_size(width: int, height: int, interpolation: str, levels: tuple[int, in
         groups(width, block) * groups(height, block) * corners(block, interpolation) ** 2
         for block in stored_levels(width, height, interpolation, levels)
     )
-    file_width = SMALLEST_WIDTH
-    while file_width < LARGEST_WIDTH and file_width**2 < texels:
-        file_width *= 2
-    rows = -(-texels // file_width)
-    return file_width, 1 << (rows - 1).bit_length()
+    return list_shape(texels)
 
 
 def counts_texels(normals, interpolation: str, levels: tuple[int, int], box, progress=None) -> np.ndarray:

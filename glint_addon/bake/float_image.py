@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import TableError
 from .progress import Steps
 
+SMALLEST_WIDTH, LARGEST_WIDTH = 16, 8192  # of a list's file, in texels
 ROWS = 32  # written at a time: no copy of a whole picture, and two blocks of compressed rows for two threads
 
 
@@ -24,6 +25,17 @@ class PixelRows:
 
     def __getitem__(self, part: slice) -> np.ndarray:
         return self.rows(part.start, part.stop)
+
+
+def list_shape(texels: int) -> tuple[int, int]:
+    """(width, height) of a file for a list of `texels` texels: powers of two, as nearly alike as they can be.
+
+    Cycles fetches exactly only at (i + 0.5) / 2^n.
+    """
+    width = SMALLEST_WIDTH
+    while width < LARGEST_WIDTH and width**2 < texels:
+        width *= 2
+    return width, 1 << (-(-texels // width) - 1).bit_length()
 
 
 def write_whole(path: Path, pixels, *, half: bool = False, pairs=None, steps: Steps | None = None):

@@ -16,7 +16,7 @@ from .builder import STAMP, add_input, add_node, add_output, arrange, local_grou
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
-VERSION = 4
+VERSION = 5
 SCRIPT_NODE = "Glint"
 LIGHTS_NODE = "Lights"
 DISTRIBUTIONS = ("BECKMANN", "GGX")
@@ -102,11 +102,11 @@ def refresh(group):
     group["glint_table"] = ""
 
 
-def set_table(group, path: str, size, slope_low, slope_high, counts=None):
+def set_table(group, path: str, size, slope_low, slope_high, counts=None, index: str = ""):
     """Let the group's OSL node read the table at `path`, "" for none.
 
     size: (width, height) in texels of the map; slopes: (2,); counts: (path, (first, last) block sides, low and high
-    corner (2,) of the bins), or None.
+    corner (2,) of the bins), or None; index: path, "" for none.
     """
     group["glint_table"] = path
     script = group.nodes.get(SCRIPT_NODE)
@@ -119,6 +119,7 @@ def set_table(group, path: str, size, slope_low, slope_high, counts=None):
         "Height": float(size[1]),
         "SlopeLow": (*slope_low, 0.0) if bounded else (0.0, 0.0, 0.0),
         "SlopeHigh": (*slope_high, 0.0) if bounded else (0.0, 0.0, 0.0),
+        "IndexTable": index,
     } | _counts_values(*(counts or ("", (0, 0), (0.0, 0.0), (0.0, 0.0))))
     for name, value in values.items():
         script.inputs[name].default_value = value

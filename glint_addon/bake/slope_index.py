@@ -1,0 +1,184 @@
+"""The index table: the elements of each small block of a normal map, sorted by slope.
+
+For footprints of a hundred to some ten thousand texels, where single glints can still be told apart: of each block
+under the footprint only the elements whose slopes lie near a half vector are visited (the inverse bin map of Atanasov,
+Wilkie, Koylazov, Krivanek, "A Multiscale Microfacet Model Based on Inverse Bin Mapping", Eurographics 2021, in blocks).
+It holds no slopes, only where they are: a candidate is then looked up in the table of normals, so nothing is rounded.
+
+* Elements: texels (Closest), or bilinear patches between texel centres (Linear; the map repeats), see counts.py.
+* Blocks: SIDE x SIDE texels, the last of a row or column cut off at the map's edge.
+* Cells: ROWS x COLUMNS over the block's own slopes (n.x / n.z, n.y / n.z), Strength not applied; slopes beyond fall
+  into the outermost. A patch counts where the middle of its corners' slopes lies, and reaches no farther than the
+  block's margin; wider patches, normals below the horizon and steep ones are the tail, which is always visited.
+
+Layout (read by osl/slope_index.h; a test compares the constants): an RGBA float32 OpenEXR file, both sides powers of
+two, texel t at column t % width, row t / width, row 0 at the bottom. Block (i, j) has RECORD texels from
+RECORD (j columns + i) on:
+
+* texel 0: low slope u, low slope v, cells per slope along u and along v;
+* texel 1: margin (slope), smallest n.z of what is in cells, number of elements in cells, MAGIC;
+* texels 2..127: for each cell, row by row, how many elements lie in the cells before it, four to a texel;
+* texels 128..255: the elements, cell by cell, then the tail: row SIDE + column within the block; two to a float (the
+  second times SIDE^2), eight to a texel.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from .float_image import list_shape, write_whole
+from .progress import Steps
+from .slope_counts import LARGEST_SLOPE
+
+MAGIC = 7951.0  # in no table of another kind
+VERSION = 1  # part of the content address: raise it when the layout changes
+SUFFIX = ".exr"
+SIDE = 32  # texels of a block
+COLUMNS, ROWS = 36, 14  # cells along slope u and v: as many as a record has room for
+CELLS = COLUMNS * ROWS
+RECORD = 256  # texels of a block's record
+FIRST_PREFIX, FIRST_ELEMENT = 2, 128
+# Deviations of the slopes from their mean that the cells span; the outermost cells hold what is beyond.
+SPAN = 2.5
+# Deviations of the patches' half extents above their mean that the margin allows; wider patches are the tail.
+WIDE = 2.0
+LEAST_RANGE = 1e-6  # of slopes in a block: a flat block has cells too
+ROUNDING = 1e-5  # relative: patches all alike are not wider than their mean
+INDEXED = 0.8  # part of the work that is done when the index is in memory
+
+
+def blocks(size: int) -> int:
+    """Blocks along a side of `size` texels."""
+    return -(-size // SIDE)
+
+
+def index_shape(width: int, height: int) -> tuple[int, int]:
+    """(width, height) in texels of the file for a map of `width` x `height` texels."""
+    return list_shape(RECORD * blocks(width) * blocks(height))
+
+
+def index_texels(normals: np.ndarray, interpolation: str, progress=None) -> np.ndarray:
+    """Padded RGBA float32 pixels of the table, row 0 at the bottom; normals: float32 (height, width, 3).
+
+    progress: called with the part that is done, 0..1, often; what it raises ends the work.
+    """
+    height, width = normals.shape[:2]
+    file_width, file_height = index_shape(width, height)
+    texels = np.zeros((file_width * file_height, 4), np.float32)
+    steps = Steps(progress, height)
+    in_row = RECORD * blocks(width)
+    for row in range(blocks(height)):
+        low, high = row * SIDE, min(row * SIDE + SIDE, height)
+        texels[row * in_row : (row + 1) * in_row] = _row_records(normals, interpolation, low, high).reshape(-1, 4)
+        steps.add(high - low)
+    return texels.reshape(file_height, file_width, 4)
+
+
+def index_name(normals: np.ndarray, interpolation: str) -> str:
+    """File name by content: the same normals give the same name on every machine."""
+    digest = hashlib.sha256(f"glint index {VERSION} {interpolation} {normals.shape}".encode())
+    digest.update(np.ascontiguousarray(normals, dtype=np.float32).data)
+    return f"glint_{digest.hexdigest()[:24]}_index{SUFFIX}"
+
+
+def bake_index(
+    normals: np.ndarray, folder: Path, *, interpolation: str, progress: Callable[[float], None] | None = None
+) -> tuple[Path, bool]:
+    """Write the index of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless it is there already.
+
+    progress: called with the part that is done, 0..1, often; what it raises ends the bake.
+    Returns its path and whether it was written now. The file appears whole or not at all.
+    Raises TableError if the folder cannot be written to.
+    """
+    path = Path(folder) / index_name(normals, interpolation)
+    if path.is_file() and path.stat().st_size > 0:
+        return path, False
+    texels = index_texels(normals, interpolation, progress and (lambda part: progress(INDEXED * part)))
+    write_whole(path, texels, steps=Steps(progress, len(texels), start=INDEXED))
+    return path, True
+
+
+def _row_records(normals, interpolation, low, high):
+    """Records of the blocks of one row, texel rows low..high - 1: float32 (blocks, RECORD, 4)."""
+    width = normals.shape[1]
+    count = blocks(width)
+    middle, half, least_z = _slopes(normals, low, high, reach=int(interpolation == "LINEAR"))
+    listed = (least_z > 0) & (np.abs(middle) + half <= LARGEST_SLOPE).all(axis=0)
+
+    # (blocks, SIDE^2) of each, row by row within a block; beyond the map's edge nothing is present.
+    present = _by_blocks(np.ones((high - low, width), bool), count)
+    listed = _by_blocks(listed, count)
+    middle = np.stack([_by_blocks(part, count) for part in middle])
+    widest = _by_blocks(half.max(axis=0), count)
+    margin = _mean_and_deviations(widest, listed, WIDE)[1]
+    margin *= 1 + ROUNDING
+    listed &= widest <= margin[:, None]
+
+    start, scale = np.empty((2, count), np.float32), np.empty((2, count), np.float32)
+    cell = np.zeros((count, SIDE * SIDE), np.int32)
+    for axis, cells, stride in ((0, COLUMNS, 1), (1, ROWS, COLUMNS)):
+        mean, top = _mean_and_deviations(middle[axis], listed, SPAN)
+        smallest = np.where(listed, middle[axis], np.inf).min(axis=1)
+        largest = np.where(listed, middle[axis], -np.inf).max(axis=1)
+        start[axis] = np.where(listed.any(axis=1), np.maximum(2 * mean - top, smallest), 0)
+        end = np.where(listed.any(axis=1), np.minimum(top, largest), 0)
+        scale[axis] = cells / np.maximum(end - start[axis], LEAST_RANGE)
+        place = np.where(listed, (middle[axis] - start[axis, :, None]) * scale[axis, :, None], 0)
+        cell += stride * np.clip(place, 0, cells - 1).astype(np.int32)
+    cell[~listed] = CELLS
+    cell[~present] = CELLS + 1
+
+    return _records(cell, start, scale, margin, np.where(listed, _by_blocks(least_z, count), np.inf).min(axis=1))
+
+
+def _records(cell, start, scale, margin, least_z):
+    """Pack the records. cell: int (blocks, SIDE^2), CELLS for the tail, CELLS + 1 for nothing."""
+    count = len(cell)
+    keys = (np.arange(count)[:, None] * (CELLS + 2) + cell).reshape(-1)
+    found = np.bincount(keys, minlength=count * (CELLS + 2)).reshape(count, CELLS + 2)
+    before = found.cumsum(axis=1) - found
+    order = np.argsort(cell.astype(np.uint16), axis=1, kind="stable")
+    records = np.zeros((count, RECORD, 4), np.float32)
+    records[:, 0] = np.stack([*start, *scale], axis=1)
+    records[:, 1] = np.stack([margin, np.minimum(least_z, 1), before[:, CELLS], np.full(count, MAGIC)], axis=1)
+    records[:, FIRST_PREFIX:FIRST_ELEMENT] = before[:, :CELLS].reshape(count, -1, 4)
+    records[:, FIRST_ELEMENT:] = (order[:, ::2] + SIDE * SIDE * order[:, 1::2]).reshape(count, -1, 4)
+    return records
+
+
+def _slopes(normals, low, high, reach):
+    """Middle and half of the slopes' range of each element of texel rows low..high - 1, (2, rows, width), and its least
+    n.z. reach: 1 for patches, which have the texels to the right and above as corners too; 0 for texels."""
+    strip = np.moveaxis(normals.take(range(low, high + reach), axis=0, mode="wrap"), -1, 0)
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        slopes = np.nan_to_num(strip[:2] / strip[2], nan=np.inf)
+    corners = [slopes[:, :-1], slopes[:, 1:]] if reach else [slopes]
+    heights = [strip[2, :-1], strip[2, 1:]] if reach else [strip[2]]
+    smallest, largest, least_z = np.minimum.reduce(corners), np.maximum.reduce(corners), np.minimum.reduce(heights)
+    if reach:
+        smallest = np.minimum(smallest, np.roll(smallest, -1, axis=-1))
+        largest = np.maximum(largest, np.roll(largest, -1, axis=-1))
+        least_z = np.minimum(least_z, np.roll(least_z, -1, axis=-1))
+    with np.errstate(invalid="ignore"):
+        return (smallest + largest) / 2, (largest - smallest) / 2, least_z
+
+
+def _by_blocks(values, count):
+    """(rows, width) -> (count, SIDE^2): each block's values row by row, zeros beyond the map's edge."""
+    rows, width = values.shape
+    padded = np.zeros((SIDE, count * SIDE), values.dtype)
+    padded[:rows, :width] = values
+    return padded.reshape(SIDE, count, SIDE).transpose(1, 0, 2).reshape(count, -1)
+
+
+def _mean_and_deviations(values, listed, deviations):
+    """Mean of the listed values of each block, and that many deviations above it: (blocks,) each, 0 where none is."""
+    number = np.maximum(listed.sum(axis=1), 1)
+    known = np.where(listed, values, 0)
+    mean = known.sum(axis=1) / number
+    spread = np.where(listed, values - mean[:, None], 0)
+    return mean, mean + deviations * np.sqrt((spread * spread).sum(axis=1) / number)

@@ -1,0 +1,287 @@
+/* The middle distance: the elements of small blocks of the map, sorted by slope, so that only those near a half vector are
+ * visited. Layout: glint_addon/bake/slope_index.py, which writes it.
+ *
+ * Exact: the candidates are looked up in the table of normals and judged as glint_query judges them.
+ */
+
+#define INDEX_MAGIC 7951.0
+#define INDEX_SIDE 32
+#define INDEX_COLUMNS 36
+#define INDEX_ROWS 14
+#define INDEX_RECORD 256
+#define INDEX_FIRST_PREFIX 2
+#define INDEX_FIRST_ELEMENT 128
+
+/* Least footprint: below, most of a block's elements lie outside, and all of the footprint's are visited as fast. */
+#define INDEX_AREA 120.0
+/* Least short semi-axis: the kernel's integral stands for its sum over the elements, which differs by chance, without bias. */
+#define INDEX_SHORT_AXIS 3.0
+/* Largest number of blocks in the footprint's bounding box. */
+#define INDEX_BLOCKS 160
+/* Least n.z within a region for its slopes to be bounded. */
+#define INDEX_HEIGHT 0.02
+/* Cells by which a range of slopes is widened, for the rounding of the writer and the reader. */
+#define INDEX_ROUNDING 0.01
+
+struct Index {
+  string table;
+  int columns; /* blocks along u and v */
+  int rows;
+  int log_width; /* of the texture, whose sides are powers of two */
+  float inverse_width;
+  float inverse_height;
+};
+
+color index_texel(Index index, int texel, output float last)
+{
+  return texture(index.table, ((texel & ((1 << index.log_width) - 1)) + 0.5) * index.inverse_width,
+                 ((texel >> index.log_width) + 0.5) * index.inverse_height, 0, 0, 0, 0, "alpha", last);
+}
+
+Index map_index(string table, int width, int height)
+{
+  Index index;
+  index.table = table;
+  index.columns = (width + INDEX_SIDE - 1) / INDEX_SIDE;
+  index.rows = (height + INDEX_SIDE - 1) / INDEX_SIDE;
+  list_shape(INDEX_RECORD * index.columns * index.rows, index.log_width, index.inverse_width, index.inverse_height);
+  return index;
+}
+
+/* First texel of the block of a line's texel i; line: `size` texels, repeated. place: the block's number within the map. */
+int block_start(int i, int size, output int place)
+{
+  int within = wrapped(i, size);
+  place = within / INDEX_SIDE;
+  return i - within % INDEX_SIDE;
+}
+
+/* Directions n(p) = p1 g1 + p2 g2 + g3 of the slopes p around a half vector. */
+struct SlopeBasis {
+  vector g1;
+  vector g2;
+  vector g3;
+};
+
+SlopeBasis slope_basis(HalfVector hint)
+{
+  SlopeBasis basis;
+  basis.g1 = cross(hint.f2, hint.f3);
+  float inverse = 1.0 / dot(hint.f1, basis.g1);
+  basis.g1 *= inverse;
+  basis.g2 = inverse * cross(hint.f3, hint.f1);
+  basis.g3 = inverse * cross(hint.f1, hint.f2);
+  return basis;
+}
+
+/* Whether all normals within `radius` of slope c = (c1, c2) around the half vector lie above the surface. */
+int region_is_upright(SlopeBasis basis, float c1, float c2, float radius)
+{
+  return basis.g3[2] + c1 * basis.g1[2] + c2 * basis.g2[2] > radius * hypot(basis.g1[2], basis.g2[2]) + INDEX_HEIGHT;
+}
+
+/* Bounds of n[axis] / n.z over the normals n within `radius` of middle, whose slope axes are g1 and g2: the s for which the
+ * plane n[axis] = s n.z touches the disk. */
+void slope_bounds(vector middle, vector g1, vector g2, float radius, int axis, output float low, output float high)
+{
+  float r2 = radius * radius;
+  float a = middle[2] * middle[2] - r2 * (g1[2] * g1[2] + g2[2] * g2[2]);
+  float b = middle[axis] * middle[2] - r2 * (g1[axis] * g1[2] + g2[axis] * g2[2]);
+  float c = middle[axis] * middle[axis] - r2 * (g1[axis] * g1[axis] + g2[axis] * g2[axis]);
+  float root = sqrt(max(b * b - a * c, 0.0));
+  low = (b - root) / a;
+  high = (b + root) / a;
+}
+
+/* Slopes with Strength -> bounds of the map's own, whose normals have at least `least_z` (see strengthened). */
+void own_bounds(float strength, float least_z, output float low, output float high)
+{
+  float share = clamp(strength, 0.0, 1.0);
+  float one = ((1.0 - share) + share) / strength;
+  float other = ((1.0 - share) / least_z + share) / strength;
+  float from = min(min(low * one, low * other), min(high * one, high * other));
+  high = max(max(low * one, low * other), max(high * one, high * other));
+  low = from;
+}
+
+/* What a query over the index keeps the same for all blocks. */
+struct Search {
+  float u; /* the hit's texel coordinates */
+  float v;
+  /* The kernel's ellipse quu du^2 + 2 quv du dv + qvv dv^2 < 1. */
+  float quu;
+  float quv;
+  float qvv;
+  int column; /* the block: its first texel in the map, and in the footprint's own plane, where the map repeats */
+  int row;
+  int plane_column;
+  int plane_row;
+  int first; /* texel of its first eight elements */
+};
+
+/* Visit the elements `start` to `end` of a block for the k-th hint. */
+void visit_listed(output Map map, Index index, Search search, HalfVector hint, HalfVector hints[8], int k, float alpha,
+                  int start, int end, output Selection s, output int visited)
+{
+  for (int group = start / 8; 8 * group < end; ++group) {
+    float last = 0;
+    color pairs = index_texel(index, search.first + group, last);
+    map.fetches += 1;
+    int lane_end = min(end - 8 * group, 8);
+    for (int lane = max(start - 8 * group, 0); lane < lane_end; ++lane) {
+      int code = (int)(lane < 2 ? pairs[0] : lane < 4 ? pairs[1] : lane < 6 ? pairs[2] : last);
+      code = lane & 1 ? code >> 10 : code & 1023;
+      int x = code & (INDEX_SIDE - 1);
+      int y = code >> 5;
+      float du = search.plane_column + x + 0.5 - search.u;
+      float dv = search.plane_row + y + 0.5 - search.v;
+      float weight = footprint_kernel(search.quu * du * du + 2.0 * search.quv * du * dv + search.qvv * dv * dv);
+      if (weight > 0.0) {
+        visited += 1;
+        if (map.is_linear) {
+          visit_patch(map, hints, k, k + 1, alpha, MODE_INDEX, search.column + x, search.row + y, du - 0.5, dv - 0.5, 0, 0,
+                      0, 0, 0, 0, weight, s);
+        }
+        else {
+          visit_texel(map, hint, hints, k, k + 1, search.column + x, search.row + y, du, dv, weight, s);
+        }
+      }
+    }
+  }
+}
+
+/* Visit the elements of the search's block whose slopes can lie in the region of the k-th hint. */
+void visit_block(output Map map, Index index, Search search, HalfVector hint, SlopeBasis basis, HalfVector hints[8], int k,
+                 float alpha, int record, int count, float c1, float c2, float radius, output Selection s,
+                 output int visited)
+{
+  /* The region, as the block's middle sees it, in the block's cells. */
+  float scale2 = 0;
+  color cells = index_texel(index, record, scale2);
+  float magic = 0;
+  color extent = index_texel(index, record + 1, magic);
+  map.fetches += 2;
+  int listed = (int)extent[2];
+  if (listed > 0) {
+    vector middle = basis.g3 + c1 * basis.g1 + c2 * basis.g2;
+    float low1, low2, high1, high2;
+    slope_bounds(middle, basis.g1, basis.g2, radius, 0, low1, high1);
+    slope_bounds(middle, basis.g1, basis.g2, radius, 1, low2, high2);
+    if (map.strength != 1.0) {
+      own_bounds(map.strength, extent[1], low1, high1);
+      own_bounds(map.strength, extent[1], low2, high2);
+    }
+    float widened = extent[0];
+    int from1 = (int)clamp((low1 - widened - cells[0]) * cells[2] - INDEX_ROUNDING, 0.0, INDEX_COLUMNS - 1.0);
+    int to1 = (int)clamp((high1 + widened - cells[0]) * cells[2] + INDEX_ROUNDING, 0.0, INDEX_COLUMNS - 1.0);
+    int from2 = (int)clamp((low2 - widened - cells[1]) * scale2 - INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
+    int to2 = (int)clamp((high2 + widened - cells[1]) * scale2 + INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
+    for (int row = from2; row <= to2; ++row) {
+      int bounds[2] = { row * INDEX_COLUMNS + from1, row * INDEX_COLUMNS + to1 + 1 };
+      int texel = -1;
+      color before = 0;
+      float last = 0;
+      for (int side = 0; side < 2; ++side) {
+        if (bounds[side] == INDEX_COLUMNS * INDEX_ROWS) {
+          bounds[side] = listed;
+        }
+        else {
+          if (bounds[side] / 4 != texel) {
+            texel = bounds[side] / 4;
+            before = index_texel(index, record + INDEX_FIRST_PREFIX + texel, last);
+            map.fetches += 1;
+          }
+          int lane = bounds[side] & 3;
+          bounds[side] = (int)(lane == 0 ? before[0] : lane == 1 ? before[1] : lane == 2 ? before[2] : last);
+        }
+      }
+      visit_listed(map, index, search, hint, hints, k, alpha, bounds[0], bounds[1], s, visited);
+    }
+  }
+  visit_listed(map, index, search, hint, hints, k, alpha, listed, count, s, visited);
+}
+
+/* Whether the index is there, whole and not shrunk (see table_is_intact), by the record of the block around the hit. */
+int index_is_intact(Index index, Map map, float u, float v)
+{
+  int column, row;
+  block_start((int)floor(u), map.width, column);
+  block_start((int)floor(v), map.height, row);
+  float magic = 0;
+  color extent = index_texel(index, INDEX_RECORD * (row * index.columns + column) + 1, magic);
+  return magic == INDEX_MAGIC && extent[2] == floor(extent[2]);
+}
+
+/* Whether the index can answer for the footprint. */
+int index_serves(Map map, Footprint footprint, HalfVector hints[8], int hint_count, float u, float v)
+{
+  float across = 2.0 * hypot(footprint.ux, footprint.uy) / INDEX_SIDE + 1.0;
+  float up = 2.0 * hypot(footprint.vx, footprint.vy) / INDEX_SIDE + 1.0;
+  if (!map.is_indexed || footprint.area < INDEX_AREA || footprint.short_axis < INDEX_SHORT_AXIS ||
+      across * up > INDEX_BLOCKS) {
+    return 0;
+  }
+  for (int k = 0; k < hint_count; ++k) {
+    HalfVector hint = hints[k];
+    if (!region_is_upright(slope_basis(hint), 0, 0, hint.radius + hint.reach + INDEX_SIDE * hint.patch_turn)) {
+      return 0;
+    }
+  }
+  Index index = map_index(map.index, map.width, map.height);
+  return index_is_intact(index, map, u, v);
+}
+
+/* As glint_query, by the index. */
+float index_query(output Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, float u, float v,
+                  output Selection s, output int visited)
+{
+  Index index = map_index(map.index, map.width, map.height);
+  Search search;
+  search.u = u;
+  search.v = v;
+  float inverse = 1.0 / (footprint.ux * footprint.vy - footprint.uy * footprint.vx);
+  float ixu = footprint.vy * inverse;
+  float ixv = -footprint.uy * inverse;
+  float iyu = -footprint.vx * inverse;
+  float iyv = footprint.ux * inverse;
+  search.quu = ixu * ixu + iyu * iyu;
+  search.quv = ixu * ixv + iyu * iyv;
+  search.qvv = ixv * ixv + iyv * iyv;
+  float reach_u = hypot(footprint.ux, footprint.uy);
+  float reach_v = hypot(footprint.vx, footprint.vy);
+  for (int k = 0; k < hint_count; ++k) {
+    HalfVector hint = hints[k];
+    SlopeBasis basis = slope_basis(hint);
+    int place_v;
+    for (int j = block_start((int)floor(v - reach_v), map.height, place_v); j <= v + reach_v;) {
+      int side_v = min(map.height - INDEX_SIDE * place_v, INDEX_SIDE);
+      float dv = j + 0.5 * side_v - v;
+      int place_u;
+      for (int i = block_start((int)floor(u - reach_u), map.width, place_u); i <= u + reach_u;) {
+        int side_u = min(map.width - INDEX_SIDE * place_u, INDEX_SIDE);
+        float du = i + 0.5 * side_u - u;
+        /* The block, as wide as its diagonal in the kernel's plane, must meet the kernel's disk. */
+        float half = 0.5 * (side_u * sqrt(search.quu) + side_v * sqrt(search.qvv));
+        if (hypot(ixu * du + ixv * dv, iyu * du + iyv * dv) < 1.0 + half) {
+          search.column = INDEX_SIDE * place_u;
+          search.row = INDEX_SIDE * place_v;
+          search.plane_column = i;
+          search.plane_row = j;
+          int record = INDEX_RECORD * (place_v * index.columns + place_u);
+          search.first = record + INDEX_FIRST_ELEMENT;
+          float radius = hint.radius + 0.5 * (side_u * hypot(hint.shift_u1, hint.shift_u2) +
+                                              side_v * hypot(hint.shift_v1, hint.shift_v2));
+          visit_block(map, index, search, hint, basis, hints, k, alpha, record, side_u * side_v,
+                      -du * hint.shift_u1 - dv * hint.shift_v1, -du * hint.shift_u2 - dv * hint.shift_v2, radius, s,
+                      visited);
+        }
+        i += side_u;
+        place_u = place_u + 1 < index.columns ? place_u + 1 : 0;
+      }
+      j += side_v;
+      place_v = place_v + 1 < index.rows ? place_v + 1 : 0;
+    }
+  }
+  /* The kernel's integral: its mean over where the elements lie. */
+  return footprint.area / 3.0;
+}
