@@ -72,7 +72,7 @@ def _merged(spots) -> list[dict]:
             merged.append(dict(spot))
         else:
             same["power"] += spot["power"]
-    return merged
+    return sorted(merged, key=lambda spot: -spot["power"])
 
 
 def _named(world, word, parts) -> list[Hint]:
