@@ -77,7 +77,7 @@ def test_the_eight_noisiest_are_looked_for_in_order_of_name():
 
 
 def test_lights_whose_noise_does_not_show_beside_the_others_are_left_out():
-    hints, values = some_hints([1.0, 0.001, 0.5, 0.0005])
+    hints, values = some_hints([1.0, 0.0005, 0.5, 0.0003])
     choice = choose(hints, values)
     assert [hint.name for hint in choice.hints] == ["A", "C"]
     assert choice.left == (("B", TOO_DIM), ("D", TOO_DIM))
