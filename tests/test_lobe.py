@@ -14,6 +14,7 @@ from glint_addon.material import create_glint_material
 from glint_addon.prepare import prepare_scene
 
 from .helpers import cycles
+from .helpers.seeds import rendered_seeds
 
 SIZE = 24
 # Both shaders do the same arithmetic in another order: a few roundings of float32, amplified by the lobe's exponential.
@@ -68,12 +69,7 @@ def pictures_of(scene, thing, image, *, nodes, lobe, **settings):
 
 
 def series(scene, spp, seeds):
-    scene.cycles.samples = spp
-    pictures = []
-    for seed in range(seeds):
-        scene.cycles.seed = seed
-        pictures.append(cycles.rendered(scene)[..., :3].mean(axis=2, dtype=np.float64))
-    return np.stack(pictures)
+    return rendered_seeds(scene, spp, seeds)[..., :3].mean(axis=3, dtype=np.float64)
 
 
 def blocks(pictures):

@@ -19,6 +19,7 @@ from demo_scenes.measure import luminance
 from demo_scenes.truth import truth_material
 
 from . import cycles
+from .seeds import rendered_seeds
 
 SIZE = (12, 12)  # pixels
 # Spp and seeds. A start costs as much as 10^5 samples of the nodes, so few seeds; the pixels tell the variance.
@@ -103,13 +104,8 @@ def compare(
 
 
 def pictures(scene, spp, seeds) -> np.ndarray:
-    """Luminance (seeds, rows, columns) of renders with the seeds 0, 1, ..., each of `spp` samples a pixel."""
-    scene.cycles.samples = spp
-    renders = []
-    for seed in range(seeds):
-        scene.cycles.seed = seed
-        renders.append(luminance(cycles.rendered(scene)))
-    return np.stack(renders)
+    """Luminance (seeds, rows, columns) of renders with different seeds, each of `spp` samples a pixel."""
+    return luminance(rendered_seeds(scene, spp, seeds))
 
 
 def gentle_bumps() -> np.ndarray:
