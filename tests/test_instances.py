@@ -233,7 +233,7 @@ def test_nested_instances_and_lamps_on_faces_are_found(scene):
     assert slot_values(slots["Child in Faces"])[0] == pytest.approx((0, 0, 6))
 
 
-def test_a_bulb_and_an_instanced_lamp_light_glints_as_with_blenders_nodes_and_with_less_noise(stress_record):
+def test_a_bulb_and_an_instanced_lamp_light_glints_as_with_blenders_nodes(stress_record):
     def build(scene, material):
         add_square(scene, material)
         add_bulb(scene, 0.06, (0.3, 1.2, 1.2), strength=1000.0)
