@@ -51,8 +51,15 @@ def stored(name) -> Truth:
     return read_truth(_file(name))
 
 
-def renew(name, *, noise=NOISE, part_spp=PART_SPP, most_parts=1000) -> Truth:
-    """Render parts of scene `name` until its relative noise is at most `noise`, and store the truth; see `converge`."""
+def allowed_noise(name) -> float:
+    """The most relative noise that the truth of scene `name` may have: NOISE, or the scene's own TRUTH_NOISE."""
+    return getattr(suite.scene_module(name), "TRUTH_NOISE", NOISE)
+
+
+def renew(name, *, noise=None, part_spp=PART_SPP, most_parts=1000) -> Truth:
+    """Render parts of scene `name` until its relative noise is at most `noise`, by default what it may have, and store
+    the truth; see `converge`."""
+    noise = allowed_noise(name) if noise is None else noise
     scene_hash = suite.scene_hash(name)
     scene = suite.nodes_scene(name, part_spp)
     return converge(_file(name), scene, scene_hash, noise=noise, part_spp=part_spp, most_parts=most_parts)
