@@ -28,6 +28,9 @@ COST_SPP = min(SPP)  # where a sample of the lobe covers most and costs most
 ROUNDS = 2
 START_UP_RENDERS = 2
 START_UPS = 1.0  # see sweep.py: a timed render takes no less than its start-up
+# A first guess of a picture's time in start-ups, instead of a pilot: a picture of four samples takes less than its
+# start-up varies, and one that seemed to take nothing was repeated two thousand times.
+FIRST_GUESS = 0.03
 
 
 def case_results(name, add_light: Callable, *, rounds=ROUNDS) -> dict:
@@ -91,7 +94,7 @@ def cost_ratio(made, rounds=ROUNDS) -> dict:
     for _ in range(rounds):
         for method, times in seconds.items():
             made.dress(method)
-            guess = times[-1] if times else None
+            guess = times[-1] if times else FIRST_GUESS * start_ups[method]
             times.append(render_cost(made.scene, COST_SPP, start_ups[method], guess=guess, start_ups=START_UPS).seconds)
     ratios = np.array(seconds[LOBE]) / np.array(seconds[NODES])
     return {"ratio": float(np.median(ratios)), "low": float(ratios.min()), "high": float(ratios.max())}

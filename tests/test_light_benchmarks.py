@@ -87,15 +87,21 @@ def prepared():
 
 
 def test_a_case_has_errors_of_both_methods_and_the_median_of_its_cost_ratios(prepared, monkeypatch):
-    costs = iter([1.0, 3.0, 2.0, 10.0])  # nodes and lobe, round by round
-    monkeypatch.setattr(light_case, "render_cost", lambda scene, spp, start, **_: Cost(spp, 1, next(costs), start))
-    monkeypatch.setattr(measure, "start_up_seconds", lambda scene, repeats: 0.0)
+    costs, guesses = iter([1.0, 3.0, 2.0, 10.0]), []  # nodes and lobe, round by round
+
+    def cost(scene, spp, start_up, *, guess, start_ups):
+        guesses.append(guess)
+        return Cost(spp, 1, next(costs), start_up)
+
+    monkeypatch.setattr(light_case, "render_cost", cost)
+    monkeypatch.setattr(measure, "start_up_seconds", lambda scene, repeats: 2.0)
     monkeypatch.setattr(light_case, "stage_counts", lambda made: {"closures": 2.0})
     monkeypatch.setattr(light_case, "SPP", {4: 1, 64: 1})
     made, right = prepared
     found = light_case.measured(made, right)
     assert found["hints"] == ["Sun"]
     assert (found["ratio"], found["low"], found["high"]) == (4.0, 3.0, 5.0)
+    assert guesses == [2.0 * light_case.FIRST_GUESS, 2.0 * light_case.FIRST_GUESS, 1.0, 3.0], "never a pilot"
     nodes, lobe = found["errors"]["nodes"], found["errors"]["lobe"]
     assert lobe["4"]["rmse"] < nodes["4"]["rmse"] / 2
     assert nodes["64"]["rmse"] < nodes["4"]["rmse"]
