@@ -414,7 +414,7 @@ def sunny_sky(scene):
 
 @pytest.mark.parametrize("add_world", [sunny_picture, sunny_sky])
 def test_the_lobe_under_a_world_has_the_mean_of_nodes_and_less_noise_than_sixteen_times_its_samples(add_world):
-    scene = cycles.empty_scene(size=(24, 24))
+    scene = cycles.empty_scene(size=(18, 18))
     image = maps.blender_image("Map", maps.bumps(128, std=0.15, width=3.0, seed=4))
     add_world(scene)
     square = add_square(scene, truth_material("Truth", image, roughness=0.2))
