@@ -19,8 +19,8 @@
  * footprint (see own in counts_closures). The first level serves nearer footprints too, rather than none. */
 #define FAR_SIDE 0.6
 #define FAR_SIDE_FIRST 1.2
-/* Groups visited a sample at most; beyond, larger blocks are taken, up to this side relative to the short semi-axis:
- * footprints longer than that are left to points. */
+/* Groups that a sample should need; beyond, larger blocks are taken, up to this side relative to the short semi-axis, and of
+ * longer footprints as many groups at random. */
 #define FAR_GROUPS 16
 #define FAR_SIDE_LONG 2.0
 /* Fewest bins from the middle of a hint's region to its rim: a bin is then no wider than 1.4 or, on smooth maps whose
@@ -116,10 +116,11 @@ int far_block(Counts counts, Footprint footprint)
     return 0;
   }
   while (block < last && (2 * block <= FAR_SIDE * footprint.short_axis ||
-                          (u_side / (2 * block) + 1.0) * (v_side / (2 * block) + 1.0) > FAR_GROUPS)) {
+                          (2 * block <= FAR_SIDE_LONG * footprint.short_axis &&
+                           (u_side / (2 * block) + 1.0) * (v_side / (2 * block) + 1.0) > FAR_GROUPS))) {
     block *= 2;
   }
-  return block > FAR_SIDE_LONG * footprint.short_axis ? 0 : block;
+  return block;
 }
 
 /* The cells of one hint: whole bins around its half vector. */
@@ -284,7 +285,8 @@ struct Blocks {
   int first_row;
   int columns;
   int groups;    /* to visit */
-  int is_random; /* groups at random points of the footprint stand for all, because it is wider than the largest blocks */
+  int is_random; /* groups at random points of the footprint stand for all, because there are too many */
+  int is_thin;   /* and of each group only the block at the point, because the footprint is thinner than a group */
 };
 
 /* A block weighs what the kernel does at its middle, so the kernel is narrower by a block's own spread and that of the
@@ -313,6 +315,7 @@ Blocks blocks_under(Level level, Footprint footprint, float u, float v)
   int rows = (int)floor((v + reach_v) / level.group_v) - blocks.first_row + 1;
   /* A product of floats: of very far footprints an int overflows. */
   blocks.is_random = (float)blocks.columns * rows > 2 * FAR_GROUPS;
+  blocks.is_thin = max(blocks.side_u, blocks.side_v) > footprint.short_axis;
   blocks.groups = !blocks.is_random ? blocks.columns * rows : level.columns * level.rows == 1 ? 1 : FAR_GROUPS;
   return blocks;
 }
@@ -326,8 +329,15 @@ color block_weights(Blocks blocks, Level level, Footprint footprint, int g, vect
     float a = shift[0] + g * PLASTIC_1;
     float b = shift[1] + g * PLASTIC_2;
     footprint_sample(a - floor(a), b - floor(b), x, y);
-    column = (int)floor((blocks.u + footprint.ux * x + footprint.uy * y) / level.group_u);
-    row = (int)floor((blocks.v + footprint.vx * x + footprint.vy * y) / level.group_v);
+    float place_u = (blocks.u + footprint.ux * x + footprint.uy * y) / level.group_u;
+    float place_v = (blocks.v + footprint.vx * x + footprint.vy * y) / level.group_v;
+    column = (int)floor(place_u);
+    row = (int)floor(place_v);
+    if (blocks.is_thin) {
+      int block = (place_u - column < 0.5 ? 0 : 1) + (place_v - row < 0.5 ? 0 : 2);
+      last = block == 3;
+      return color(block == 0, block == 1, block == 2);
+    }
     last = 1.0;
     return color(1.0);
   }

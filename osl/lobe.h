@@ -176,7 +176,6 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
     }
     if ((mode == MODE_ALL || mode == MODE_SUBSET) && index_serves(map, footprint, hints, hint_count, hit.u, hit.v)) {
       mode = MODE_INDEX;
-      map.fetches += 1;
     }
     is_selected = hit_is_selected(map, hints, hint_count, alpha, mode, patch, hit.u - hit.i, hit.v - hit.j, hit.n);
   }

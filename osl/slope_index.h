@@ -18,6 +18,15 @@
 #define INDEX_SHORT_AXIS 3.0
 /* Largest number of blocks in the footprint's bounding box. */
 #define INDEX_BLOCKS 160
+/* Nanoseconds, for the choice between a visit of all and the index: a block, an element of its lists, a candidate under the
+ * footprint (whose neighbours are not those visited before, so that a patch fetches all its corners); a texel and a patch
+ * visited row by row. */
+#define INDEX_BLOCK_COST 300.0
+#define INDEX_LISTED_COST 11.0
+#define INDEX_TEXEL_COST 90.0
+#define INDEX_PATCH_COST 220.0
+#define TEXEL_COST 48.0
+#define PATCH_COST 85.0
 /* Least n.z within a region for its slopes to be bounded. */
 #define INDEX_HEIGHT 0.02
 /* Cells by which a range of slopes is widened, for the rounding of the writer and the reader. */
@@ -82,7 +91,7 @@ int region_is_upright(SlopeBasis basis, float c1, float c2, float radius)
 
 /* Bounds of n[axis] / n.z over the normals n within `radius` of middle, whose slope axes are g1 and g2: the s for which the
  * plane n[axis] = s n.z touches the disk. */
-void slope_bounds(vector middle, vector g1, vector g2, float radius, int axis, output float low, output float high)
+void region_bounds(vector middle, vector g1, vector g2, float radius, int axis, output float low, output float high)
 {
   float r2 = radius * radius;
   float a = middle[2] * middle[2] - r2 * (g1[2] * g1[2] + g2[2] * g2[2]);
@@ -150,85 +159,113 @@ void visit_listed(output Map map, Index index, Search search, HalfVector hint, H
   }
 }
 
-/* Visit the elements of the search's block whose slopes can lie in the region of the k-th hint. */
-void visit_block(output Map map, Index index, Search search, HalfVector hint, SlopeBasis basis, HalfVector hints[8], int k,
-                 float alpha, int record, int count, float c1, float c2, float radius, output Selection s,
-                 output int visited)
+/* The cells of a block that a hint's region meets. */
+struct CellRange {
+  int from1;
+  int to1;
+  int from2;
+  int to2;
+  int listed; /* elements in all cells; the others are the tail */
+};
+
+/* c1, c2, radius: the region around the hint's half vector, as the whole block sees it. */
+CellRange block_cells(output Map map, Index index, int record, SlopeBasis basis, float c1, float c2, float radius)
 {
-  /* The region, as the block's middle sees it, in the block's cells. */
   float scale2 = 0;
   color cells = index_texel(index, record, scale2);
   float magic = 0;
   color extent = index_texel(index, record + 1, magic);
   map.fetches += 2;
-  int listed = (int)extent[2];
-  if (listed > 0) {
-    vector middle = basis.g3 + c1 * basis.g1 + c2 * basis.g2;
-    float low1, low2, high1, high2;
-    slope_bounds(middle, basis.g1, basis.g2, radius, 0, low1, high1);
-    slope_bounds(middle, basis.g1, basis.g2, radius, 1, low2, high2);
-    if (map.strength != 1.0) {
-      own_bounds(map.strength, extent[1], low1, high1);
-      own_bounds(map.strength, extent[1], low2, high2);
-    }
-    float widened = extent[0];
-    int from1 = (int)clamp((low1 - widened - cells[0]) * cells[2] - INDEX_ROUNDING, 0.0, INDEX_COLUMNS - 1.0);
-    int to1 = (int)clamp((high1 + widened - cells[0]) * cells[2] + INDEX_ROUNDING, 0.0, INDEX_COLUMNS - 1.0);
-    int from2 = (int)clamp((low2 - widened - cells[1]) * scale2 - INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
-    int to2 = (int)clamp((high2 + widened - cells[1]) * scale2 + INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
-    for (int row = from2; row <= to2; ++row) {
-      int bounds[2] = { row * INDEX_COLUMNS + from1, row * INDEX_COLUMNS + to1 + 1 };
-      int texel = -1;
-      color before = 0;
-      float last = 0;
-      for (int side = 0; side < 2; ++side) {
-        if (bounds[side] == INDEX_COLUMNS * INDEX_ROWS) {
-          bounds[side] = listed;
-        }
-        else {
-          if (bounds[side] / 4 != texel) {
-            texel = bounds[side] / 4;
-            before = index_texel(index, record + INDEX_FIRST_PREFIX + texel, last);
-            map.fetches += 1;
-          }
-          int lane = bounds[side] & 3;
-          bounds[side] = (int)(lane == 0 ? before[0] : lane == 1 ? before[1] : lane == 2 ? before[2] : last);
-        }
-      }
-      visit_listed(map, index, search, hint, hints, k, alpha, bounds[0], bounds[1], s, visited);
-    }
+  vector middle = basis.g3 + c1 * basis.g1 + c2 * basis.g2;
+  float low1, low2, high1, high2;
+  region_bounds(middle, basis.g1, basis.g2, radius, 0, low1, high1);
+  region_bounds(middle, basis.g1, basis.g2, radius, 1, low2, high2);
+  if (map.strength != 1.0) {
+    own_bounds(map.strength, extent[1], low1, high1);
+    own_bounds(map.strength, extent[1], low2, high2);
   }
-  visit_listed(map, index, search, hint, hints, k, alpha, listed, count, s, visited);
+  CellRange range;
+  float margin = extent[0];
+  range.from1 = (int)clamp((low1 - margin - cells[0]) * cells[2] - INDEX_ROUNDING, 0.0, INDEX_COLUMNS - 1.0);
+  range.to1 = (int)clamp((high1 + margin - cells[0]) * cells[2] + INDEX_ROUNDING, 0.0, INDEX_COLUMNS - 1.0);
+  range.from2 = (int)clamp((low2 - margin - cells[1]) * scale2 - INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
+  range.to2 = (int)clamp((high2 + margin - cells[1]) * scale2 + INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
+  range.listed = (int)extent[2];
+  return range;
 }
 
-/* Whether the index is there, whole and not shrunk (see table_is_intact), by the record of the block around the hit. */
-int index_is_intact(Index index, Map map, float u, float v)
+/* First element of the range's cells in a row, and the one after the last. */
+void row_elements(output Map map, Index index, int record, CellRange range, int row, output int start, output int end)
 {
-  int column, row;
-  block_start((int)floor(u), map.width, column);
-  block_start((int)floor(v), map.height, row);
+  int bounds[2] = { row * INDEX_COLUMNS + range.from1, row * INDEX_COLUMNS + range.to1 + 1 };
+  int texel = -1;
+  color before = 0;
+  float last = 0;
+  for (int side = 0; side < 2; ++side) {
+    int cell = bounds[side];
+    bounds[side] = range.listed;
+    if (cell < INDEX_COLUMNS * INDEX_ROWS) {
+      if (cell / 4 != texel) {
+        texel = cell / 4;
+        before = index_texel(index, record + INDEX_FIRST_PREFIX + texel, last);
+        map.fetches += 1;
+      }
+      int lane = cell & 3;
+      bounds[side] = (int)(lane == 0 ? before[0] : lane == 1 ? before[1] : lane == 2 ? before[2] : last);
+    }
+  }
+  start = bounds[0];
+  end = bounds[1];
+}
+
+/* Whether the index is there, whole and not shrunk (see table_is_intact), by one record. */
+int index_is_intact(Index index, int record)
+{
   float magic = 0;
-  color extent = index_texel(index, INDEX_RECORD * (row * index.columns + column) + 1, magic);
+  color extent = index_texel(index, record + 1, magic);
   return magic == INDEX_MAGIC && extent[2] == floor(extent[2]);
 }
 
-/* Whether the index can answer for the footprint. */
-int index_serves(Map map, Footprint footprint, HalfVector hints[8], int hint_count, float u, float v)
+/* Whether the index answers for the footprint, and faster than a visit of all. */
+int index_serves(output Map map, Footprint footprint, HalfVector hints[8], int hint_count, float u, float v)
 {
-  float across = 2.0 * hypot(footprint.ux, footprint.uy) / INDEX_SIDE + 1.0;
-  float up = 2.0 * hypot(footprint.vx, footprint.vy) / INDEX_SIDE + 1.0;
+  float blocks = (2.0 * hypot(footprint.ux, footprint.uy) / INDEX_SIDE + 1.0) *
+                 (2.0 * hypot(footprint.vx, footprint.vy) / INDEX_SIDE + 1.0);
   if (!map.is_indexed || footprint.area < INDEX_AREA || footprint.short_axis < INDEX_SHORT_AXIS ||
-      across * up > INDEX_BLOCKS) {
+      blocks > INDEX_BLOCKS) {
     return 0;
   }
+  Index index = map_index(map.index, map.width, map.height);
+  int column, row;
+  int first_u = block_start((int)floor(u), map.width, column);
+  int first_v = block_start((int)floor(v), map.height, row);
+  int record = INDEX_RECORD * (row * index.columns + column);
+  map.fetches += 1;
+  if (!index_is_intact(index, record)) {
+    return 0;
+  }
+  /* How many candidates the block around the hit has. */
+  int side_u = min(map.width - INDEX_SIDE * column, INDEX_SIDE);
+  int side_v = min(map.height - INDEX_SIDE * row, INDEX_SIDE);
+  int candidates = 0;
   for (int k = 0; k < hint_count; ++k) {
     HalfVector hint = hints[k];
-    if (!region_is_upright(slope_basis(hint), 0, 0, hint.radius + hint.reach + INDEX_SIDE * hint.patch_turn)) {
+    SlopeBasis basis = slope_basis(hint);
+    if (!region_is_upright(basis, 0, 0, hint.radius + hint.reach + INDEX_SIDE * hint.patch_turn)) {
       return 0;
     }
+    CellRange range = block_cells(map, index, record, basis, 0, 0, hint.radius + hint.patch_turn);
+    for (int cells = range.from2; cells <= range.to2; ++cells) {
+      int start, end;
+      row_elements(map, index, record, range, cells, start, end);
+      candidates += end - start;
+    }
+    candidates += side_u * side_v - range.listed;
   }
-  Index index = map_index(map.index, map.width, map.height);
-  return index_is_intact(index, map, u, v);
+  float share = candidates / (float)(side_u * side_v);
+  float listed = blocks * (INDEX_BLOCK_COST * hint_count + share * INDEX_SIDE * INDEX_SIDE * INDEX_LISTED_COST) +
+                 footprint.area * share * (map.is_linear ? INDEX_PATCH_COST : INDEX_TEXEL_COST);
+  return footprint.area > LARGEST_VISIT || listed < footprint.area * (map.is_linear ? PATCH_COST : TEXEL_COST);
 }
 
 /* As glint_query, by the index. */
@@ -271,9 +308,14 @@ float index_query(output Map map, HalfVector hints[8], int hint_count, float alp
           search.first = record + INDEX_FIRST_ELEMENT;
           float radius = hint.radius + 0.5 * (side_u * hypot(hint.shift_u1, hint.shift_u2) +
                                               side_v * hypot(hint.shift_v1, hint.shift_v2));
-          visit_block(map, index, search, hint, basis, hints, k, alpha, record, side_u * side_v,
-                      -du * hint.shift_u1 - dv * hint.shift_v1, -du * hint.shift_u2 - dv * hint.shift_v2, radius, s,
-                      visited);
+          CellRange range = block_cells(map, index, record, basis, -du * hint.shift_u1 - dv * hint.shift_v1,
+                                        -du * hint.shift_u2 - dv * hint.shift_v2, radius);
+          for (int cells = range.from2; cells <= range.to2; ++cells) {
+            int start, end;
+            row_elements(map, index, record, range, cells, start, end);
+            visit_listed(map, index, search, hint, hints, k, alpha, start, end, s, visited);
+          }
+          visit_listed(map, index, search, hint, hints, k, alpha, range.listed, side_u * side_v, s, visited);
         }
         i += side_u;
         place_u = place_u + 1 < index.columns ? place_u + 1 : 0;
