@@ -111,6 +111,7 @@ def describe_file(options) -> list[str]:
         )
         lines.append(f"Scene {scene['name']}: {words if scene['prepared'] else 'not prepared'}")
         lines += [f"Warning: {sentence}" for sentence in scene["warnings"]]
+        lines += [f"Advice: {sentence}" for sentence in scene["advice"]]
     return lines
 
 
@@ -130,7 +131,9 @@ def material_facts() -> list[dict]:
 
 
 def scene_facts() -> list[dict]:
-    """What the last preparation of each scene found."""
+    """What the last preparation of each scene found, and advice on its settings."""
+    from .operators.keep_glints import ADVICE, softens_glints
+
     facts = []
     for scene in bpy.data.scenes:
         state = scene.glint
@@ -143,6 +146,7 @@ def scene_facts() -> list[dict]:
                 "hints": [line.name for line in state.hints],
                 "skipped_lights": [[line.name, line.detail] for line in state.skipped_lights],
                 "warnings": [line.name for line in state.warnings],
+                "advice": [ADVICE] if state.prepared and softens_glints(scene) else [],
             }
         )
     return facts

@@ -52,18 +52,19 @@ def refused(capfd, *words) -> str:
 def test_prepare_saves_what_it_found(capfd, blend):
     code, output, errors = run(capfd, "prepare", blend)
     assert code == 0, errors
+    # 32 texels over a few of 16 pixels: the index of the middle distance is baked beside the table.
     summary, counts, saved = output.splitlines()
-    assert (summary, saved) == ("Glint: 1 light found, 1 table baked, 0 reused, OSL on.", f"Saved {blend}")
-    assert re.fullmatch(r"Tables: 1 baked \((.+ MB)\), 1 in use \(\1\), 1 image read\.", counts), counts
+    assert (summary, saved) == ("Glint: 1 light found, 2 tables baked, 0 reused, OSL on.", f"Saved {blend}")
+    assert re.fullmatch(r"Tables: 2 baked \((.+ MB)\), 2 in use \(\1\), 1 image read\.", counts), counts
     assert "%]" in errors
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     assert bpy.context.scene.glint.prepared and bpy.context.scene.cycles.shading_system
-    assert [file.suffix for file in (blend.parent / "glint_tables").iterdir()] == [".exr"]
+    assert [file.suffix for file in (blend.parent / "glint_tables").iterdir()] == [".exr"] * 2 * 2
 
 
 def test_prepare_again_bakes_nothing(capfd, blend):
     run(capfd, "prepare", blend)
-    assert "0 tables baked, 1 reused" in run(capfd, "prepare", blend)[1]
+    assert "0 tables baked, 2 reused" in run(capfd, "prepare", blend)[1]
 
 
 def test_interrupted_while_baking_nothing_has_changed(capfd, blend, monkeypatch):
@@ -91,6 +92,15 @@ def test_info_tells_materials_and_lights_before_and_after(capfd, blend):
     run(capfd, "prepare", blend)
     lines = run(capfd, "info", blend)[1].splitlines()
     assert "glint_tables" in lines[0] and lines[1] == "Scene Scene: OSL on, CPU, lights: Sun"
+
+
+def test_info_advises_on_denoising_once_the_scene_is_prepared(capfd, blend):
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    bpy.context.scene.cycles.use_denoising = True
+    bpy.ops.wm.save_mainfile()
+    assert "Advice" not in run(capfd, "info", blend)[1]
+    run(capfd, "prepare", blend)
+    assert "Advice: Denoising by normals softens glints" in run(capfd, "info", blend)[1].splitlines()[-1]
 
 
 def test_info_as_json_is_json_and_nothing_else(capfd, blend):

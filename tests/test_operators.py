@@ -195,6 +195,30 @@ def test_preparing_is_greyed_out_without_a_glint_material(plane):
     assert "no Glint material yet: add one first" in greyed(bpy.ops.glint.prepare)
 
 
+def test_keeping_glints_denoises_by_albedo_alone_and_can_be_undone(plane):
+    def settings():
+        cycles_settings = bpy.context.scene.cycles
+        return [getattr(cycles_settings, f"denoising_{name}") for name in ("input_passes", "prefilter", "quality")]
+
+    bpy.context.scene.cycles.use_denoising = True
+    before = ["RGB_ALBEDO_NORMAL", "FAST", "BALANCED"]
+    for name, value in zip(("input_passes", "prefilter", "quality"), before, strict=True):
+        setattr(bpy.context.scene.cycles, f"denoising_{name}", value)
+    bpy.ops.ed.undo_push(message="before")
+    assert bpy.ops.glint.keep_glints() == {"FINISHED"}
+    assert settings() == ["RGB_ALBEDO", "ACCURATE", "HIGH"]
+    bpy.ops.ed.undo_push(message="after")
+    bpy.ops.ed.undo()
+    assert settings() == before
+
+
+def test_keeping_glints_is_greyed_out_where_nothing_softens_them(plane):
+    assert "not denoised by albedo and normal" in greyed(bpy.ops.glint.keep_glints)
+    bpy.context.scene.cycles.use_denoising = True
+    bpy.context.scene.render.engine = "BLENDER_EEVEE"
+    assert "not denoised by albedo and normal" in greyed(bpy.ops.glint.keep_glints)
+
+
 def test_adding_a_group_is_greyed_out_outside_the_shader_editor(plane):
     assert "Open the Shader Editor" in greyed(bpy.ops.glint.add_node_group)
     with shader_editor(None):
@@ -243,8 +267,8 @@ def test_preparing_bakes_once_and_keeps_its_report_on_the_scene(glinting, tmp_pa
     for word in ("baked", "reused"):
         assert bpy.ops.glint.prepare() == {"FINISHED"}
         state = bpy.context.scene.glint
-        # Without a camera, views from far away are prepared for too: with a table of counts.
-        assert [line.detail for line in state.tables] == [word, word]
+        # Without a camera, views from far away are prepared for too: with an index and a table of counts.
+        assert [line.detail for line in state.tables] == [word] * 3
     assert state.prepared and state.osl and state.device == "CPU"
     assert [line.name for line in state.hints] == ["Sun"] and not state.warnings
     assert Path(state.tables[0].name).parent == tmp_path / "glint_tables"

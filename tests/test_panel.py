@@ -167,6 +167,25 @@ def test_the_report_panels_wait_for_the_first_preparation(glinting):
         assert panel.poll(bpy.context)
 
 
+def test_the_panel_advises_against_denoising_by_normals_until_glints_are_kept(glinting):
+    store_report(bpy.context.scene, REPORT)
+    settings = bpy.context.scene.cycles
+    assert not settings.use_denoising and "[glint.keep_glints]" not in drawn(GLINT_PT_material)
+    settings.use_denoising = True
+    settings.denoising_input_passes = "RGB_ALBEDO_NORMAL"
+    seen = drawn(GLINT_PT_material)
+    assert "Denoising by normals softens glints" in " ".join(seen) and seen[-1] == "[glint.keep_glints]"
+    bpy.ops.glint.keep_glints()
+    assert "[glint.keep_glints]" not in drawn(GLINT_PT_material)
+
+
+def test_a_view_layer_that_is_not_denoised_needs_no_advice(glinting):
+    store_report(bpy.context.scene, REPORT)
+    bpy.context.scene.cycles.use_denoising = True
+    bpy.context.view_layer.cycles.use_denoising = False
+    assert "[glint.keep_glints]" not in drawn(GLINT_PT_material)
+
+
 def test_another_render_engine_is_named_as_the_reason(glinting):
     bpy.context.scene.render.engine = "BLENDER_EEVEE"
     assert any("Glints need Cycles" in line for line in drawn(GLINT_PT_material))

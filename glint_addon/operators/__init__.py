@@ -5,6 +5,7 @@ import bpy
 from .add_material import GLINT_FH_normal_map, GLINT_OT_add_material
 from .add_node_group import GLINT_OT_add_node_group
 from .change_map import GLINT_OT_change_map
+from .keep_glints import GLINT_OT_keep_glints
 from .prepare import GLINT_OT_prepare
 from .scene_state import GLINT_PG_line, GLINT_PG_material_light, GLINT_PG_scene
 
@@ -15,6 +16,7 @@ classes = (
     GLINT_OT_add_material,
     GLINT_OT_change_map,
     GLINT_OT_prepare,
+    GLINT_OT_keep_glints,
     GLINT_OT_add_node_group,
     GLINT_FH_normal_map,
 )

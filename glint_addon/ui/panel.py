@@ -3,6 +3,7 @@
 import bpy
 
 from ..operators.change_map import glint_nodes
+from ..operators.keep_glints import ADVICE, softens_glints
 from ..operators.prepare import has_glint_groups
 from .text import draw_sentence
 
@@ -143,7 +144,7 @@ def draw_maps(layout, context):
 
 
 def draw_state(layout, context):
-    """Engine, OSL and device in words, then the warnings of the last preparation."""
+    """Engine, OSL and device in words, the warnings of the last preparation, and whether denoising costs glints."""
     scene, state = context.scene, context.scene.glint
     if scene.render.engine != "CYCLES":
         draw_sentence(layout, context, "Glints need Cycles: other engines show Blender's own nodes.", "ERROR")
@@ -154,6 +155,9 @@ def draw_state(layout, context):
     layout.label(text=f"OSL {'on' if state.osl else 'off'}, {state.device}", icon="CHECKMARK" if state.osl else "ERROR")
     for line in state.warnings:
         draw_sentence(layout, context, line.name, "ERROR")
+    if softens_glints(scene):
+        draw_sentence(layout, context, ADVICE, "INFO")
+        layout.operator("glint.keep_glints")
 
 
 def names_by_reason(lines) -> dict[str, str]:

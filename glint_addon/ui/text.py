@@ -3,7 +3,7 @@
 import textwrap
 
 # Measured in Blender 5.2's default font: an average character of a sentence is this many pixels wide at scale 1.
-CHARACTER_WIDTH = 6.3
+CHARACTER_WIDTH = 5.9
 MARGIN = 70  # pixels at scale 1: the panel's borders, the box and the icon
 SHORTEST_LINE = 20  # characters; below this the panel is too narrow to care
 
