@@ -29,8 +29,8 @@ SHAPE_MARGIN = 1.5
 STILL_CONSTRAINTS = {"TRACK_TO", "DAMPED_TRACK", "LOCKED_TRACK", "COPY_LOCATION", "COPY_ROTATION", "COPY_SCALE",
                      "COPY_TRANSFORMS", "LIMIT_LOCATION", "LIMIT_ROTATION", "LIMIT_SCALE", "LIMIT_DISTANCE", "CHILD_OF"}
 
-TOO_MANY = f"dimmer than the {HINT_COUNT} strongest lights: left to the remainder, which is noisier"
-TOO_DIM = "so dim beside the others that its noise does not show: left to the remainder"
+TOO_MANY = f"dimmer than the {HINT_COUNT} strongest lights: noisy, not wrong"
+TOO_DIM = "so dim beside the others that the noise does not show"
 OUT_OF_REACH = "no facet of the map can mirror it to a camera"
 MISSES = "shines past every object of the material, which are outside its cone or behind it"
 

@@ -23,7 +23,7 @@ EMITTERS = {"MESH", "CURVE", "FONT", "SURFACE"}
 # Modifiers that make a mesh another, but always the same from the same.
 MAKES_THE_SAME = KEEPS_THE_BOX | {"DECIMATE", "REMESH", "SCREW", "SOLIDIFY", "WELD", "WIREFRAME"}
 
-DEFORMS = "its shape may change, which no driver can follow: left to the remainder"
+DEFORMS = "its shape may change, which no driver can follow: left to chance"
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from .world_textures import world_textures
 
 # Measured: with the world's sampling off, a sun of a picture had the same noise with a hint as without.
 MET_BY_CHANCE = "its light is met by chance alone, where no hint helps: set World > Settings > Sampling to Auto"
-LEFT = "small lights in it are left to the remainder, which is noisier"
+LEFT = "small lights in it are left to chance, which is noisier"
 
 
 def world_hints(scene, layers=()) -> tuple[list[Hint], list[tuple[str, str]]]:

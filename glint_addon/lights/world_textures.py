@@ -15,7 +15,7 @@ COLOUR_CHANGES = {"ShaderNodeBrightContrast", "ShaderNodeClamp", "ShaderNodeGamm
                   "ShaderNodeMath", "ShaderNodeRGBCurve", "ShaderNodeRGBToBW", "ShaderNodeVectorMath"}
 EVEN = {"ShaderNodeBlackbody", "ShaderNodeLightPath", "ShaderNodeRGB", "ShaderNodeValue", "ShaderNodeWavelength"}
 
-UNKNOWN = 'its node "{}" cannot be looked into: small lights behind it are left to the remainder, which is noisier'
+UNKNOWN = 'its node "{}" cannot be looked into: small lights behind it are left to chance, which is noisier'
 
 
 @dataclass(frozen=True)
