@@ -66,6 +66,14 @@ def test_a_picked_image_becomes_the_material_and_the_pick_is_spent(plane, flake_
     assert bpy.context.scene.glint.normal_map is None
 
 
+def test_the_material_of_an_image_opened_twice_has_the_name_of_the_file(plane, flake_map):
+    bpy.data.images.load(str(flake_map))
+    bpy.context.scene.glint.normal_map = bpy.data.images.load(str(flake_map))
+    bpy.ops.glint.add_material()
+    assert glint_groups(plane.active_material)[0]["glint_image"].name == "flakes.png.001"
+    assert plane.active_material.name == "Glint flakes"
+
+
 def test_a_picked_image_that_is_a_colour_elsewhere_stays_one(plane, flake_map):
     image = bpy.data.images.load(str(flake_map))
     bpy.data.materials.new("Other").node_tree.nodes.new("ShaderNodeTexImage").image = image

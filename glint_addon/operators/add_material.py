@@ -1,5 +1,6 @@
 """Add a Glint material, made from a normal map, to the active object."""
 
+import re
 from pathlib import Path
 
 import bpy
@@ -110,8 +111,10 @@ class GLINT_FH_normal_map(bpy.types.FileHandler):
 
 
 def map_title(normal_map) -> str:
-    """Name of the map without folder and file ending; `normal_map` is a path or an image."""
-    return Path(normal_map.name if isinstance(normal_map, bpy.types.Image) else normal_map).stem
+    """Name of the map without folder, file ending and Blender's number; `normal_map` is a path or an image."""
+    if not isinstance(normal_map, bpy.types.Image):
+        return Path(normal_map).stem
+    return Path(re.sub(r"\.\d{3}$", "", normal_map.name)).stem
 
 
 def assign(target, material):
