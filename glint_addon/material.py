@@ -87,6 +87,16 @@ def glint_groups(material) -> list[bpy.types.ShaderNodeTree]:
     return found
 
 
+def glint_lobes(material) -> int:
+    """How many Glint BSDFs with a map a material may sum; those inside a group count as often as it is used."""
+
+    def count(tree):
+        inner = [node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup" and node.node_tree]
+        return sum(each.get("glint_image") is not None if is_glint_group(each) else count(each) for each in inner)
+
+    return count(material.node_tree)
+
+
 def _check_values(name, roughness, strength, color, uv_map):
     """Refuse at the door what Blender would refuse half-way, in other words."""
     for value, what, high in ((roughness, "Roughness", 1.0), (strength, "Strength", 10.0)):

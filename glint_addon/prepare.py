@@ -13,7 +13,7 @@ from .light_sets import connect_lights
 from .lights.animation import is_animated
 from .lights.hints import rendered_objects
 from .map_tables import bake_plan, is_missing, map_plans, named_levels, remember
-from .material import glint_groups
+from .material import glint_groups, glint_lobes
 from .nodes import glint_bsdf, image_texture
 from .nodes.script_node import osl_available
 from .table_budget import DEFAULT_BUDGET, fit_budget
@@ -88,6 +88,7 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
         lights = connect_lights(scene, uses)
         report["warnings"] += lights.pop("warnings")
         report |= lights
+        _share_closures({material for pairs in uses.values() for _, material in pairs})
     if report["osl"] and hasattr(scene, "cycles") and not scene.cycles.shading_system:
         scene.cycles.shading_system = True
     return report
@@ -97,6 +98,17 @@ def scene_glint_groups(scene) -> list[bpy.types.ShaderNodeTree]:
     """Glint BSDF groups with a map on objects that `scene` renders; each once, by name."""
     groups = {group.name_full: group for group in _uses(scene)}
     return [groups[name] for name in sorted(groups)]
+
+
+def _share_closures(materials):
+    """Cycles keeps 64 closures of a shading point: tell each group how many lobes its materials sum at most."""
+    lobes = {}
+    for material in materials:
+        for group in glint_groups(material):
+            lobes[group] = max(lobes.get(group, 1), glint_lobes(material))
+    for group, count in lobes.items():
+        if group.library is None:
+            glint_bsdf.share_closures(group, count)
 
 
 def _uses(scene) -> dict:

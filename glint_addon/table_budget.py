@@ -38,7 +38,7 @@ def fit_budget(plans, budget: float) -> list[str]:
     if left_out:
         warnings.append(f"{_names(left_out)} left to Blender's own nodes, which are noisy ({reason}): {cure}.")
     if coarser:
-        warnings.append(f"{_names(coarser)} noisier or slower in far views, without some of their tables ({reason}): {cure}.")
+        warnings.append(f"{_names(coarser)} noisier or slower in far views, with fewer tables ({reason}): {cure}.")
     return warnings
 
 

@@ -357,14 +357,42 @@ color block_weights(Blocks blocks, Level level, Footprint footprint, int g, vect
                footprint_kernel(blocks.quu * left * left + cross_high * left + square_high));
 }
 
+/* Cells blur: a mass stands in its cell's middle, and its closure is spread over the cell. Undo it to second order by moving
+ * mass between neighbours towards the heavier: with a sun of 20 degrees and bumps of slope 0.15 the light at the peak of the
+ * slopes was 3.3 % too dim. spread: of a cell's closure, see CELL_NARROW; a cell gives no more than LARGEST_GIFT a side. */
+#define LARGEST_GIFT 0.125
+void sharpen_cells(Cells cells[8], int k, int columns, int rows, float spread, output float mass[49])
+{
+  float share = (1.0 / 12.0 + spread) / 2.0;
+  float sharp[49];
+  for (int c = 0; c < columns * rows; ++c) {
+    sharp[c] = mass[c];
+  }
+  for (int c = 0; c < columns * rows; ++c) {
+    if (cell_is_selected(cells, k, c % columns, c / columns)) {
+      for (int side = 0; side < 2; ++side) {
+        int d = side == 0 ? c + 1 : c + columns;
+        int is_inside = side == 0 ? c % columns + 1 < columns : c / columns + 1 < rows;
+        if (is_inside && cell_is_selected(cells, k, d % columns, d / columns)) {
+          float gift = clamp(share * (mass[c] - mass[d]), -LARGEST_GIFT * mass[c], LARGEST_GIFT * mass[d]);
+          sharp[c] += gift;
+          sharp[d] -= gift;
+        }
+      }
+    }
+  }
+  for (int c = 0; c < columns * rows; ++c) {
+    mass[c] = sharp[c];
+  }
+}
+
 /* Sum of the closures of all cells, on top of the remainder. (u, v): the hit's texel coordinates; shift: uniform numbers
  * of this sample. */
 closure color counts_closures(string distribution, float alpha, output Map map, Level level,
-                              HalfVector hints[8], int hint_count, Cells cells[8], Footprint footprint, float u, float v,
-                              vector shift, closure color remainder, output int visited, output int closures)
+                              HalfVector hints[8], int hint_count, int parts, Cells cells[8], Footprint footprint,
+                              float u, float v, vector shift, closure color remainder, output int visited, output int closures)
 {
   Blocks blocks = blocks_under(level, footprint, u, v);
-  int parts = peak_parts(hint_count);
   closure color sum = remainder;
   for (int k = 0; k < hint_count; ++k) {
     /* Slope around the half vector per bin. */
@@ -484,8 +512,15 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
           largest = -1;
         }
       }
+      float seen_mass[49];
       for (int c = 0; c < columns * rows; ++c) {
-        float w = mass[c] / (total * blocks.side_u * blocks.side_v);
+        seen_mass[c] = mass[c];
+      }
+      if (pass == 0 && largest < 0 && cell_spread > -1.0 / 12.0) {
+        sharpen_cells(cells, k, columns, rows, cell_spread, seen_mass);
+      }
+      for (int c = 0; c < columns * rows; ++c) {
+        float w = seen_mass[c] / (total * blocks.side_u * blocks.side_v);
         if (w > 0.0 && c != largest && (pass > 0 || cell_is_selected(cells, k, c % columns, c / columns))) {
           if (w < LEAST_WEIGHT) {
             w = (float)hashnoise(point(shift[0], shift[1], (2 * k + pass) * 49 + c)) * LEAST_WEIGHT < w ? LEAST_WEIGHT : 0.0;

@@ -85,9 +85,9 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
 }
 
 /* The lobe for colour 1. plain: the closure of the hit's own normal, which is the whole answer where no hinted light can
- * glint. lights, shapes: see light_hint.h; low, high: slope bounds of the map, none where they are equal. left: why it is
+ * glint. lobes: how many share the closures of a shading point. lights, shapes: see light_hint.h; low, high: slope bounds of the map, none where they are equal. left: why it is
  * the answer (counters.h); hint_count: hints that the map answers here. */
-closure color glint_lobe(string distribution, float alpha, output Map map, vector low, vector high, NormalFrame frame,
+closure color glint_lobe(string distribution, float alpha, int lobes, output Map map, vector low, vector high, NormalFrame frame,
                          Hit hit, vector lights[8], vector shapes[8], float samples, float du_dx, float du_dy,
                          float dv_dx, float dv_dy, closure color plain, output color counters, output int left,
                          output int hint_count)
@@ -114,7 +114,7 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
   vector strong_low = low;
   vector strong_high = high;
   strengthened_bounds(map.strength, strong_low, strong_high);
-  for (int k = 0; k < HINT_COUNT; ++k) {
+  for (int k = 0; k < HINT_COUNT && hint_count * lobes + lobes <= HINT_COUNT; ++k) {
     HalfVector hint;
     if (half_vector(lights[k], shapes[k], region, frame, footprint, dpdx, dpdy, view_turn, hint)) {
       if (!bounded || map_reaches_hint(hint, strong_low, strong_high)) {
@@ -156,7 +156,7 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
     level = counts_level(map.counts, block, map.width, map.height, map.is_linear);
     float least = 1e30;
     for (int k = 0; k < hint_count; ++k) {
-      cells[k] = far_cells_of(hints[k], alpha, hint_count, map.counts, level, map.strength, shift);
+      cells[k] = far_cells_of(hints[k], alpha, hint_count * lobes, map.counts, level, map.strength, shift);
       if (cells[k].columns > 0) {
         least = hints[k].turn > FAR_TURN * hints[k].radius ? 0.0 : min(least, min(cells[k].reach1, cells[k].reach2));
       }
@@ -189,14 +189,15 @@ closure color glint_lobe(string distribution, float alpha, output Map map, vecto
   int visited = 0;
   closure color sum = 0;
   if (mode == MODE_COUNTS) {
-    sum = counts_closures(distribution, alpha, map, level, hints, hint_count, cells, footprint, hit.u, hit.v, shift,
+    sum = counts_closures(distribution, alpha, map, level, hints, hint_count, peak_parts(hint_count * lobes), cells, footprint, hit.u, hit.v, shift,
                           remainder, visited, closures);
   }
   else {
     Selection s;
     s.count = 0;
     s.merged = 0;
-    s.cells = hint_cells(hint_count);
+    s.limit = closure_limit(lobes);
+    s.cells = hint_cells(hint_count * lobes);
     float total = mode == MODE_INDEX ?
         index_query(map, hints, hint_count, alpha, footprint, hit.u, hit.v, s, visited) :
         glint_query(map, hints, hint_count, alpha, footprint, mode, hit.u, hit.v, shift[0], shift[1], s, visited);

@@ -16,7 +16,7 @@ from .builder import STAMP, add_input, add_node, add_output, arrange, local_grou
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
-VERSION = 5
+VERSION = 6
 SCRIPT_NODE = "Glint"
 LIGHTS_NODE = "Lights"
 DISTRIBUTIONS = ("BECKMANN", "GGX")
@@ -123,6 +123,13 @@ def set_table(group, path: str, size, slope_low, slope_high, counts=None, index:
     } | _counts_values(*(counts or ("", (0, 0), (0.0, 0.0), (0.0, 0.0))))
     for name, value in values.items():
         script.inputs[name].default_value = value
+
+
+def share_closures(group, lobes: int):
+    """Tell the group's OSL node how many Glint BSDFs, 1 or more, share the closures of a shading point with it."""
+    script = group.nodes.get(SCRIPT_NODE)
+    if script is not None and script.inputs["Lobes"].default_value != lobes:
+        script.inputs["Lobes"].default_value = lobes
 
 
 def _counts_values(path, levels, low, high) -> dict:
