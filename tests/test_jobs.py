@@ -210,7 +210,7 @@ def test_without_a_window_the_operator_works_at_once(context):
 
 @pytest.fixture
 def prepared_by(scene, tmp_path):
-    """The scene's preparation, not yet begun; its map needs counts."""
+    """The scene's preparation, not yet begun; its map needs an index and counts."""
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     cycles.add_sun(scene, (0, 0, 1), angle=0.01)
     cycles.add_plane(scene, material=create_glint_material("Sparkle", write_flake_map(tmp_path / "flakes.png", 128)))
@@ -220,7 +220,7 @@ def prepared_by(scene, tmp_path):
 def test_a_scene_prepared_in_a_thread_is_as_prepared_at_once(scene, prepared_by):
     report = stepped(Running(prepared_by))
     after = state(scene)
-    assert len(report["baked"]) == 2 and report["hints"] == ["Sun"]
+    assert len(report["baked"]) == 3 and report["hints"] == ["Sun"]
     assert finished(preparation(scene), lambda fraction, text: None)["reused"] == report["baked"]
     assert state(scene) == after
 

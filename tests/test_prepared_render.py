@@ -13,18 +13,27 @@ from glint_addon.material import glint_groups
 from glint_addon.nodes import glint_bsdf
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
+from tests.helpers.stress_stage import add_lamp
+from tests.test_emitters import add_bulb, slot_values
+from tests.test_instances import add_instance, fixture
+from tests.test_world_hints import SIZE as WORLD_SIZE
+from tests.test_world_hints import add_environment, add_sky
 
 SIZE = 32
 MAP_SIDE = 192  # texels; its table is 256 wide, which the smallest limit of Simplify that we use (128) halves
 REPEATS = 30  # of the map over the plane: a hundred texels a pixel, for a far view
 ROUGHNESS = 0.2
+FRAME = 5  # another than the one that was prepared
+LAMP_POWER = 500.0  # W
+BULB_RADIANCE = 5000.0
 ROUNDING = 1e-4  # relative to the brightest pixel: the same arithmetic in OSL and in Blender's own nodes
 
 RENDER_ALONE = """
 import sys, bpy
-blend, picture = sys.argv[1:]
+blend, picture, frame = sys.argv[1:]
 bpy.ops.wm.open_mainfile(filepath=blend)
 scene = bpy.context.scene
+scene.frame_set(int(frame))
 scene.render.filepath = picture
 bpy.ops.render.render(write_still=True)
 assert not any("glint_addon" in name for name in sys.modules)
@@ -82,6 +91,16 @@ def prepared(plane):
     prepare_scene(scene)
     (group,) = glint_groups(plane.material_slots[0].material)
     return group.nodes[glint_bsdf.SCRIPT_NODE].inputs, cycles.rendered(scene)[..., :3]
+
+
+def rendered_alone(folder, frame=1):
+    """The picture of a frame of the open file, saved in `folder`, by a new process without the add-on."""
+    blend, file = folder / "scene.blend", folder / "alone.exr"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    result = subprocess.run([sys.executable, "-c", RENDER_ALONE, str(blend), str(file), str(frame)], cwd=folder,
+                            capture_output=True, text=True, timeout=300, check=False)
+    assert result.returncode == 0, result.stderr + result.stdout
+    return cycles.read_image(file)[..., :3]
 
 
 def assert_same(picture, other):
@@ -170,11 +189,51 @@ def test_tables_are_read_whatever_their_folder_is_called(plane, tmp_path, folder
 def test_a_saved_file_renders_the_same_pixels_where_the_addon_is_not_installed(plane, tmp_path):
     scene = bpy.context.scene
     sockets, picture = prepared(plane)
-    blend, file = tmp_path / "scene.blend", tmp_path / "alone.exr"
-    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
-    result = subprocess.run([sys.executable, "-c", RENDER_ALONE, str(blend), str(file)], cwd=tmp_path,
-                            capture_output=True, text=True, timeout=300, check=False)
-    assert result.returncode == 0, result.stderr + result.stdout
-    np.testing.assert_array_equal(cycles.read_image(file)[..., :3], picture)
+    np.testing.assert_array_equal(rendered_alone(tmp_path), picture)
     assert picture.max() > 0 and scene.cycles.shading_system
     assert sockets["Table"].default_value.startswith(str(tmp_path))
+
+
+def light_with_everything(scene, world):
+    """Hints of each kind, which follow their lights in different ways; names of them all."""
+    scene.frame_start, scene.frame_end = 1, FRAME
+    lamp = add_lamp(scene, location=(-0.5, 1.2, 1.5), name="Keyed", power=LAMP_POWER, shadow_soft_size=0.05)
+    lamp.keyframe_insert("location", frame=1)
+    lamp.location.x = 0.5
+    lamp.keyframe_insert("location", frame=FRAME)
+    copied = add_lamp(scene, "AREA", location=(0, 0, 0), target=(0, -1, -1), name="Copied", power=LAMP_POWER, size=0.1)
+    empty = add_instance(scene, fixture(scene, copied), location=(0.8, 1.5, 1.5))
+    empty.keyframe_insert("location", frame=1)
+    empty.location.z = 2.0
+    empty.keyframe_insert("location", frame=FRAME)
+    add_bulb(scene, 0.05, (-0.8, 1.5, 1.5), strength=BULB_RADIANCE)
+    if world == "picture":
+        add_environment(scene, mapping="POINT")
+    else:
+        add_sky(scene, sun_elevation=0.8, sun_rotation=0.1)
+        scene.world.cycles.sampling_method, scene.world.cycles.sample_map_resolution = "MANUAL", WORLD_SIZE
+    scene.frame_set(1)
+    return ["Bulb", "Copied in Empty", "Keyed", "Sun", "World spot" if world == "picture" else "World sun"]
+
+
+def hint_values(names):
+    """What the drivers of each hint say; hints are in the order of their names."""
+    return [slot_values(slot) for slot in range(1, len(names) + 1)]
+
+
+@pytest.mark.parametrize("world", ["picture", "sky"])
+def test_another_frame_of_a_scene_with_every_kind_of_light_is_the_same_where_the_addon_is_not_installed(
+        plane, tmp_path, world):
+    scene = bpy.context.scene
+    scene.cycles.samples = 2
+    scene.render.resolution_x = scene.render.resolution_y = 16
+    names = light_with_everything(scene, world)
+    bpy.data.lights["Sun"].energy = 10.0
+    assert sorted(prepare_scene(scene)["hints"]) == names
+    prepared_values = hint_values(names)
+    scene.frame_set(FRAME)
+    picture = cycles.rendered(scene)[..., :3]
+    moved = [name for name, old, new in zip(names, prepared_values, hint_values(names), strict=True) if old != new]
+    assert moved == ["Copied in Empty", "Keyed"] and picture.max() > 0
+    scene.frame_set(1)
+    np.testing.assert_array_equal(rendered_alone(tmp_path, FRAME), picture)

@@ -57,6 +57,7 @@ def picture(texel, height=SIZE // 2, *, is_float=True):
     image = bpy.data.images.new("Picture", SIZE, height, float_buffer=is_float)
     pixels = np.full((height, SIZE, 4), 0.2 if is_float else 0.01, np.float32)
     pixels[texel] = BRIGHT if is_float else 1.0
+    pixels[..., 3] = 1.0  # a saved file does not keep another
     image.pixels.foreach_set(pixels.ravel())
     image.pack()
     return image
