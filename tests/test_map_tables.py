@@ -66,6 +66,7 @@ def counts_files(report, kind) -> list[str]:
 
 
 def test_a_near_view_bakes_no_counts_and_a_far_one_bakes_the_levels_it_reaches(scene, plane):
+    look(scene, 1)
     assert prepare_scene(scene)["levels"] == {"flakes.png": None}
     assert shown(group_of(plane)) == {
         "CountsTable": "", "CountsFirst": 0, "CountsLevels": 0, "BinLow": (0, 0, 0), "BinHigh": (0, 0, 0)}
