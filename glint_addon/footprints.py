@@ -23,7 +23,7 @@ FOOTPRINT_EXPONENT = 0.21
 FAR_SIDE = 0.6
 FAR_SIDE_FIRST = 1.2
 FAR_SIDE_LONG = 2.0
-# Where bins are too wide for the lobe, blocks this much larger are taken, whose bins are narrower: osl/lobe.h.
+# Where bins are too wide for the lobe, blocks this much larger are taken, whose bins are narrower: osl/counts.h.
 NARROWER_BINS = 2.0
 # Least short semi-axis for which the shader asks the index: osl/slope_index.h.
 INDEX_SHORT_AXIS = 3.0

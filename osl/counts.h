@@ -42,6 +42,10 @@
 /* Least height of a half vector above the surface (cosine) for which slopes are counted. */
 #define LEAST_HEIGHT 0.05
 
+/* Cells of a hint at most, and corners along a side of them: lay_cells and far_cells make no more than 7 x 7. */
+#define MOST_CELLS 49
+#define MOST_CELL_CORNERS 8
+
 /* One level of the counts, in use. */
 struct Level {
   int block;    /* side in texels of a block; 0: none */
@@ -214,6 +218,30 @@ Cells far_cells_of(HalfVector hint, float alpha, int hint_count, Counts counts, 
   return cells;
 }
 
+/* Whether the counts answer for the footprint: by the first level, from the one for its size on, whose bins are narrow enough
+ * for all hints. Finds the level and the cells of each hint there. */
+int counts_serve(output Map map, HalfVector hints[8], int hint_count, int lobes, float alpha, Footprint footprint,
+                 vector shift, output Level level, output Cells cells[8])
+{
+  int from = far_block(map.counts, footprint);
+  /* Larger blocks have narrower bins. */
+  int last = from == 0 ? 0 : min(2 * from, map.counts.first << (map.counts.levels - 1));
+  int fits = 0;
+  for (int block = from; block > 0 && block <= last && !fits; block *= 2) {
+    level = counts_level(map.counts, block, map.width, map.height, map.is_linear);
+    float least = 1e30;
+    for (int k = 0; k < hint_count; ++k) {
+      cells[k] = far_cells_of(hints[k], alpha, hint_count * lobes, map.counts, level, map.strength, shift);
+      if (cells[k].columns > 0) {
+        least = hints[k].turn > FAR_TURN * hints[k].radius ? 0.0 : min(least, min(cells[k].reach1, cells[k].reach2));
+      }
+    }
+    fits = least > (map.is_linear ? FAR_REACH_LINEAR : FAR_REACH_CLOSEST);
+  }
+  map.fetches += fits;
+  return fits && counts_are_intact(map.counts, level);
+}
+
 /* Whether cell (i, j) of hint k is selected: its middle lies in or beside the region, and no earlier hint's cells touch
  * it, or elements would count twice. */
 int cell_is_selected(Cells cells[8], int k, int i, int j)
@@ -361,10 +389,10 @@ color block_weights(Blocks blocks, Level level, Footprint footprint, int g, vect
  * mass between neighbours towards the heavier: with a sun of 20 degrees and bumps of slope 0.15 the light at the peak of the
  * slopes was 3.3 % too dim. spread: of a cell's closure, see CELL_NARROW; a cell gives no more than LARGEST_GIFT a side. */
 #define LARGEST_GIFT 0.125
-void sharpen_cells(Cells cells[8], int k, int columns, int rows, float spread, output float mass[49])
+void sharpen_cells(Cells cells[8], int k, int columns, int rows, float spread, output float mass[MOST_CELLS])
 {
   float share = (1.0 / 12.0 + spread) / 2.0;
-  float sharp[49];
+  float sharp[MOST_CELLS];
   for (int c = 0; c < columns * rows; ++c) {
     sharp[c] = mass[c];
   }
@@ -386,15 +414,144 @@ void sharpen_cells(Cells cells[8], int k, int columns, int rows, float spread, o
   }
 }
 
-/* Sum of the closures of all cells, on top of the remainder. (u, v): the hit's texel coordinates; shift: uniform numbers
- * of this sample. */
-closure color counts_closures(string distribution, float alpha, output Map map, Level level,
-                              HalfVector hints[8], int hint_count, int parts, Cells cells[8], Footprint footprint,
-                              float u, float v, vector shift, closure color remainder, output int visited, output int closures)
+/* Cells of one hint, in bins: all of them, or parts of one. */
+struct Grid {
+  int columns;
+  int rows;
+  int start1;
+  int start2;
+  int stride1;
+  int stride2;
+  int end1;
+  int end2;
+};
+
+/* What the blocks under a footprint hold in each cell of a grid. */
+struct Masses {
+  /* Sums over groups of mass, of mass times bin from the half vector, turned, and of mass times its square. */
+  float mass[MOST_CELLS];
+  float first1[MOST_CELLS];
+  float first2[MOST_CELLS];
+  float square1[MOST_CELLS];
+  float square2[MOST_CELLS];
+  float total;    /* weight of all blocks */
+  float spread_u; /* variance of a group's texels, along u and v */
+  float spread_v;
+};
+
+/* Read one group: add what it holds in each cell. weight, last: of its four blocks; shift1, shift2: bins by which its cells
+ * move; turned1, turned2: what to add to a bin to get the place around the half vector. */
+void add_group(Counts counts, Level level, int group, color weight, float last_weight, Grid grid, int shift1, int shift2,
+               float turned1, float turned2, float cell_spread, output Masses m)
+{
+  int texel = level.first + group * level.corners * level.corners;
+  float below[MOST_CELL_CORNERS];
+  int corner_below = 0;
+  for (int j = 0; j <= grid.rows; ++j) {
+    int corner_row = clamp(min(grid.start2 + j * grid.stride2, grid.end2) + shift2, 0, level.corners - 1);
+    int row_texel = texel + corner_row * level.corners;
+    float y = 0.5 * (corner_below + corner_row) + turned2;
+    float y2 = y * y + cell_spread * (corner_row - corner_below) * (corner_row - corner_below);
+    float left = 0;
+    float left_below = 0;
+    int corner_left = 0;
+    for (int i = 0; i <= grid.columns; ++i) {
+      int corner_column = clamp(min(grid.start1 + i * grid.stride1, grid.end1) + shift1, 0, level.corners - 1);
+      int index = row_texel + corner_column;
+      float last = 0;
+      color corner = texture(counts.table, ((index & ((1 << level.log_width) - 1)) + 0.5) * level.inverse_width,
+                             ((index >> level.log_width) + 0.5) * level.inverse_height, 0, 0, 0, 0, "alpha", last);
+      float value = dot((vector)weight, (vector)corner) + last_weight * last;
+      if (i > 0 && j > 0) {
+        float found = value - left - below[i] + left_below;
+        if (found > 0.0) {
+          int c = (j - 1) * grid.columns + i - 1;
+          float x = 0.5 * (corner_left + corner_column) + turned1;
+          m.mass[c] += found;
+          m.first1[c] += found * x;
+          m.first2[c] += found * y;
+          m.square1[c] += found * (x * x + cell_spread * (corner_column - corner_left) * (corner_column - corner_left));
+          m.square2[c] += found * y2;
+        }
+      }
+      left_below = below[i];
+      below[i] = value;
+      left = value;
+      corner_left = corner_column;
+    }
+    corner_below = corner_row;
+  }
+}
+
+/* Masses of a grid's cells over the groups under the footprint. */
+void grid_masses(output Map map, Level level, HalfVector hint, Cells cells, Blocks blocks, Footprint footprint, Grid grid,
+                 vector shift, float cell_spread, output Masses m, output int visited)
+{
+  for (int c = 0; c < grid.columns * grid.rows; ++c) {
+    m.mass[c] = 0;
+    m.first1[c] = 0;
+    m.first2[c] = 0;
+    m.square1[c] = 0;
+    m.square2[c] = 0;
+  }
+  m.total = 0;
+  m.spread_u = 0;
+  m.spread_v = 0;
+  for (int g = 0; g < blocks.groups; ++g) {
+    int column, row;
+    float last_weight;
+    color weight = block_weights(blocks, level, footprint, g, shift, column, row, last_weight);
+    float group_weight = weight[0] + weight[1] + weight[2] + last_weight;
+    if (group_weight > 0.0) {
+      float middle_u = (column + 0.5) * level.group_u - blocks.u;
+      float middle_v = (row + 0.5) * level.group_v - blocks.v;
+      int shift1, shift2;
+      cell_shift(hint, cells, middle_u, middle_v, shift1, shift2);
+      /* What is seen of the group is turned by the mean of its blocks, and spread around it. */
+      float right_share = (weight[1] + last_weight) / group_weight;
+      float up_share = (weight[2] + last_weight) / group_weight;
+      middle_u += (right_share - 0.5) * blocks.side_u;
+      middle_v += (up_share - 0.5) * blocks.side_v;
+      float turn1 = middle_u * hint.shift_u1 + middle_v * hint.shift_v1;
+      float turn2 = middle_u * hint.shift_u2 + middle_v * hint.shift_v2;
+      m.total += group_weight;
+      m.spread_u += group_weight * right_share * (1.0 - right_share);
+      m.spread_v += group_weight * up_share * (1.0 - up_share);
+      visited += 1;
+      int group = wrapped(row, level.rows) * level.columns + wrapped(column, level.columns);
+      add_group(map.counts, level, group, weight, last_weight, grid, shift1, shift2,
+                cells.a11 * turn1 + cells.a12 * turn2 - cells.centre1,
+                cells.a21 * turn1 + cells.a22 * turn2 - cells.centre2, cell_spread, m);
+      map.fetches += (grid.columns + 1) * (grid.rows + 1);
+    }
+  }
+  m.spread_u = (m.spread_u / m.total + 1.0 / 12.0) * blocks.side_u * blocks.side_u;
+  m.spread_v = (m.spread_v / m.total + 1.0 / 12.0) * blocks.side_v * blocks.side_v;
+}
+
+/* The cell that holds so much of all that it is looked at again: there the map is flat, or scratched one way; -1: none. */
+int standing_cell(Cells cells[8], int k, Grid grid, Masses m)
+{
+  int largest = 0;
+  float all = 0;
+  for (int c = 0; c < grid.columns * grid.rows; ++c) {
+    all += m.mass[c];
+    largest = m.mass[c] > m.mass[largest] ? c : largest;
+  }
+  return m.mass[largest] >= PEAK_SHARE * all && cell_is_selected(cells, k, largest % grid.columns, largest / grid.columns) ?
+      largest : -1;
+}
+
+/* Sum of the closures of all cells, on top of the remainder. parts: of a cell that stands out, along a side (peak_parts);
+ * (u, v): the hit's texel coordinates; shift: uniform numbers of this sample. */
+closure color counts_closures(string distribution, float alpha, output Map map, Level level, HalfVector hints[8],
+                              int hint_count, int parts, Cells cells[8], Footprint footprint, float u, float v,
+                              vector shift, closure color remainder, output int visited, output int closures)
 {
   Blocks blocks = blocks_under(level, footprint, u, v);
   closure color sum = remainder;
   for (int k = 0; k < hint_count; ++k) {
+    HalfVector hint = hints[k];
     /* Slope around the half vector per bin. */
     float inverse = 1.0 / (cells[k].a11 * cells[k].a22 - cells[k].a12 * cells[k].a21);
     float p11 = cells[k].a22 * inverse;
@@ -403,165 +560,71 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
     float p22 = cells[k].a11 * inverse;
 
     /* Once over the hint's cells, and once more over parts of the one that holds most, if it stands out. */
-    int columns = cells[k].columns;
-    int rows = cells[k].rows;
-    int start1 = cells[k].start1;
-    int start2 = cells[k].start2;
-    int stride1 = cells[k].stride1;
-    int stride2 = cells[k].stride2;
-    int end1 = start1 + columns * stride1;
-    int end2 = start2 + rows * stride2;
-    int passes = columns > 0;
+    Grid grid;
+    grid.columns = cells[k].columns;
+    grid.rows = cells[k].rows;
+    grid.start1 = cells[k].start1;
+    grid.start2 = cells[k].start2;
+    grid.stride1 = cells[k].stride1;
+    grid.stride2 = cells[k].stride2;
+    grid.end1 = grid.start1 + grid.columns * grid.stride1;
+    grid.end2 = grid.start2 + grid.rows * grid.stride2;
+    int passes = grid.columns > 0;
     for (int pass = 0; pass < passes; ++pass) {
-      /* Sums over groups of mass, of mass times bin, and of mass times its square. */
-      float mass[49];
-      float first1[49];
-      float first2[49];
-      float square1[49];
-      float square2[49];
-      for (int c = 0; c < columns * rows; ++c) {
-        mass[c] = 0;
-        first1[c] = 0;
-        first2[c] = 0;
-        square1[c] = 0;
-        square2[c] = 0;
-      }
-      float width = max(stride1 * hypot(p11, p21), stride2 * hypot(p12, p22)) / max(alpha, 1e-6);
+      float width = max(grid.stride1 * hypot(p11, p21), grid.stride2 * hypot(p12, p22)) / max(alpha, 1e-6);
       float cell_spread = (clamp(2.0 * (width - CELL_NARROW) / (CELL_WIDE - CELL_NARROW), 0.0, 2.0) - 1.0) / 12.0;
-      float total = 0;
-      float spread_u = 0;
-      float spread_v = 0;
-      for (int g = 0; g < blocks.groups; ++g) {
-        int column, row;
-        float last_weight;
-        color weight = block_weights(blocks, level, footprint, g, shift, column, row, last_weight);
-        float group_weight = weight[0] + weight[1] + weight[2] + last_weight;
-        if (group_weight > 0.0) {
-          float middle_u = (column + 0.5) * level.group_u - u;
-          float middle_v = (row + 0.5) * level.group_v - v;
-          int shift1, shift2;
-          cell_shift(hints[k], cells[k], middle_u, middle_v, shift1, shift2);
-          /* What is seen of the group is turned by the mean of its blocks, and spread around it. */
-          float right_share = (weight[1] + last_weight) / group_weight;
-          float up_share = (weight[2] + last_weight) / group_weight;
-          middle_u += (right_share - 0.5) * blocks.side_u;
-          middle_v += (up_share - 0.5) * blocks.side_v;
-          float turn1 = middle_u * hints[k].shift_u1 + middle_v * hints[k].shift_v1;
-          float turn2 = middle_u * hints[k].shift_u2 + middle_v * hints[k].shift_v2;
-          float turned1 = cells[k].a11 * turn1 + cells[k].a12 * turn2 - cells[k].centre1;
-          float turned2 = cells[k].a21 * turn1 + cells[k].a22 * turn2 - cells[k].centre2;
-          total += group_weight;
-          spread_u += group_weight * right_share * (1.0 - right_share);
-          spread_v += group_weight * up_share * (1.0 - up_share);
-          visited += 1;
+      Masses m;
+      grid_masses(map, level, hint, cells[k], blocks, footprint, grid, shift, cell_spread, m, visited);
+      int standing = pass == 0 && grid.stride1 * grid.stride2 > 1 && parts > 1 ? standing_cell(cells, k, grid, m) : -1;
+      float seen[MOST_CELLS];
+      for (int c = 0; c < grid.columns * grid.rows; ++c) {
+        seen[c] = m.mass[c];
+      }
+      if (pass == 0 && standing < 0 && cell_spread > -1.0 / 12.0) {
+        sharpen_cells(cells, k, grid.columns, grid.rows, cell_spread, seen);
+      }
 
-          int group = wrapped(row, level.rows) * level.columns + wrapped(column, level.columns);
-          int texel = level.first + group * level.corners * level.corners;
-          float below[8];
-          int corner_below = 0;
-          for (int j = 0; j <= rows; ++j) {
-            int corner_row = clamp(min(start2 + j * stride2, end2) + shift2, 0, level.corners - 1);
-            int row_texel = texel + corner_row * level.corners;
-            float y = 0.5 * (corner_below + corner_row) + turned2;
-            float y2 = y * y + cell_spread * (corner_row - corner_below) * (corner_row - corner_below);
-            float left = 0;
-            float left_below = 0;
-            int corner_left = 0;
-            for (int i = 0; i <= columns; ++i) {
-              int corner_column = clamp(min(start1 + i * stride1, end1) + shift1, 0, level.corners - 1);
-              int index = row_texel + corner_column;
-              float last = 0;
-              color corner = texture(map.counts.table,
-                                     ((index & ((1 << level.log_width) - 1)) + 0.5) * level.inverse_width,
-                                     ((index >> level.log_width) + 0.5) * level.inverse_height, 0, 0, 0, 0, "alpha", last);
-              float value = dot((vector)weight, (vector)corner) + last_weight * last;
-              if (i > 0 && j > 0) {
-                float m = value - left - below[i] + left_below;
-                if (m > 0.0) {
-                  int c = (j - 1) * columns + i - 1;
-                  float x = 0.5 * (corner_left + corner_column) + turned1;
-                  mass[c] += m;
-                  first1[c] += m * x;
-                  first2[c] += m * y;
-                  square1[c] += m * (x * x + cell_spread * (corner_column - corner_left) * (corner_column - corner_left));
-                  square2[c] += m * y2;
-                }
-              }
-              left_below = below[i];
-              below[i] = value;
-              left = value;
-              corner_left = corner_column;
-            }
-            corner_below = corner_row;
-          }
-          map.fetches += (columns + 1) * (rows + 1);
-        }
-      }
-      spread_u = (spread_u / total + 1.0 / 12.0) * blocks.side_u * blocks.side_u;
-      spread_v = (spread_v / total + 1.0 / 12.0) * blocks.side_v * blocks.side_v;
-
-      /* A cell that holds so much of all is looked at again: there the map is flat, or scratched one way. */
-      int largest = -1;
-      if (pass == 0 && stride1 * stride2 > 1 && parts > 1) {
-        float all = 0;
-        for (int c = 0; c < columns * rows; ++c) {
-          all += mass[c];
-          largest = largest < 0 || mass[c] > mass[largest] ? c : largest;
-        }
-        if (mass[largest] < PEAK_SHARE * all || !cell_is_selected(cells, k, largest % columns, largest / columns)) {
-          largest = -1;
-        }
-      }
-      float seen_mass[49];
-      for (int c = 0; c < columns * rows; ++c) {
-        seen_mass[c] = mass[c];
-      }
-      if (pass == 0 && largest < 0 && cell_spread > -1.0 / 12.0) {
-        sharpen_cells(cells, k, columns, rows, cell_spread, seen_mass);
-      }
-      for (int c = 0; c < columns * rows; ++c) {
-        float w = seen_mass[c] / (total * blocks.side_u * blocks.side_v);
-        if (w > 0.0 && c != largest && (pass > 0 || cell_is_selected(cells, k, c % columns, c / columns))) {
-          if (w < LEAST_WEIGHT) {
-            w = (float)hashnoise(point(shift[0], shift[1], (2 * k + pass) * 49 + c)) * LEAST_WEIGHT < w ? LEAST_WEIGHT : 0.0;
-          }
-          float x = first1[c] / mass[c];
-          float y = first2[c] / mass[c];
-          float xx = square1[c] / mass[c] - x * x;
-          float yy = square2[c] / mass[c] - y * y;
-          float p1 = p11 * x + p12 * y;
-          float p2 = p21 * x + p22 * y;
-          float c11 = p11 * p11 * xx + p12 * p12 * yy + spread_u * hints[k].shift_u1 * hints[k].shift_u1 +
-                      spread_v * hints[k].shift_v1 * hints[k].shift_v1;
-          float c12 = p11 * p21 * xx + p12 * p22 * yy + spread_u * hints[k].shift_u1 * hints[k].shift_u2 +
-                      spread_v * hints[k].shift_v1 * hints[k].shift_v2;
-          float c22 = p21 * p21 * xx + p22 * p22 * yy + spread_u * hints[k].shift_u2 * hints[k].shift_u2 +
-                      spread_v * hints[k].shift_v2 * hints[k].shift_v2;
+      for (int c = 0; c < grid.columns * grid.rows; ++c) {
+        float w = seen[c] / (m.total * blocks.side_u * blocks.side_v);
+        if (w > 0.0 && c != standing && (pass > 0 || cell_is_selected(cells, k, c % grid.columns, c / grid.columns))) {
+          w = roulette(w, shift[0], shift[1], (2 * k + pass) * MOST_CELLS + c);
           if (w > 0.0) {
+            float x = m.first1[c] / m.mass[c];
+            float y = m.first2[c] / m.mass[c];
+            float xx = m.square1[c] / m.mass[c] - x * x;
+            float yy = m.square2[c] / m.mass[c] - y * y;
+            float p1 = p11 * x + p12 * y;
+            float p2 = p21 * x + p22 * y;
+            float c11 = p11 * p11 * xx + p12 * p12 * yy + m.spread_u * hint.shift_u1 * hint.shift_u1 +
+                        m.spread_v * hint.shift_v1 * hint.shift_v1;
+            float c12 = p11 * p21 * xx + p12 * p22 * yy + m.spread_u * hint.shift_u1 * hint.shift_u2 +
+                        m.spread_v * hint.shift_v1 * hint.shift_v2;
+            float c22 = p21 * p21 * xx + p22 * p22 * yy + m.spread_u * hint.shift_u2 * hint.shift_u2 +
+                        m.spread_v * hint.shift_v2 * hint.shift_v2;
             /* Where a cell is a wide bin, gaps between lobes must not stay where they are: the half vector may. */
             if (width > CELL_NARROW) {
-              float x_shift = stride1 == 1 ? shift[0] - 0.5 : 0.0;
-              float y_shift = stride2 == 1 ? shift[1] - 0.5 : 0.0;
+              float x_shift = grid.stride1 == 1 ? shift[0] - 0.5 : 0.0;
+              float y_shift = grid.stride2 == 1 ? shift[1] - 0.5 : 0.0;
               p1 += p11 * x_shift + p12 * y_shift;
               p2 += p21 * x_shift + p22 * y_shift;
             }
             /* In this order: Cycles flattens sum + x only 16 deep and drops the rest. */
-            w *= merged_reflection(hints[k], alpha, p1, p2, c11, c12, c22);
-            sum = w * glint_closure(distribution, hints[k], alpha, p1, p2, c11, c12, c22) + sum;
+            w *= merged_reflection(hint, alpha, p1, p2, c11, c12, c22);
+            sum = w * glint_closure(distribution, hint, alpha, p1, p2, c11, c12, c22) + sum;
             closures += 1;
           }
         }
       }
-      if (largest >= 0) {
+      if (standing >= 0) {
         passes = 2;
-        start1 += largest % columns * stride1;
-        start2 += largest / columns * stride2;
-        end1 = start1 + stride1;
-        end2 = start2 + stride2;
-        stride1 = (int)ceil(stride1 / (float)parts);
-        stride2 = (int)ceil(stride2 / (float)parts);
-        columns = (end1 - start1 + stride1 - 1) / stride1;
-        rows = (end2 - start2 + stride2 - 1) / stride2;
+        grid.start1 += standing % grid.columns * grid.stride1;
+        grid.start2 += standing / grid.columns * grid.stride2;
+        grid.end1 = grid.start1 + grid.stride1;
+        grid.end2 = grid.start2 + grid.stride2;
+        grid.stride1 = (int)ceil(grid.stride1 / (float)parts);
+        grid.stride2 = (int)ceil(grid.stride2 / (float)parts);
+        grid.columns = (grid.end1 - grid.start1 + grid.stride1 - 1) / grid.stride1;
+        grid.rows = (grid.end2 - grid.start2 + grid.stride2 - 1) / grid.stride2;
       }
     }
   }

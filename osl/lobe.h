@@ -58,9 +58,7 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
   for (int k = 0; k < slots; ++k) {
     float weight = s.merged ? s.cell_weight[k] : s.weight[k];
     float w = total > 0.0 ? weight / total : 0.0;
-    if (w > 0.0 && w < LEAST_WEIGHT) {
-      w = (float)hashnoise(point(seed_1, seed_2, k)) * LEAST_WEIGHT < w ? LEAST_WEIGHT : 0.0;
-    }
+    w = w > 0.0 ? roulette(w, seed_1, seed_2, k) : 0.0;
     if (w > 0.0) {
       int hint = s.merged ? k / s.cells : s.hint[k];
       float p1 = s.p1[k];
@@ -85,12 +83,13 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
 }
 
 /* The lobe for colour 1. plain: the closure of the hit's own normal, which is the whole answer where no hinted light can
- * glint. lobes: how many share the closures of a shading point. lights, shapes: see light_hint.h; low, high: slope bounds of the map, none where they are equal. left: why it is
- * the answer (counters.h); hint_count: hints that the map answers here. */
-closure color glint_lobe(string distribution, float alpha, int lobes, output Map map, vector low, vector high, NormalFrame frame,
-                         Hit hit, vector lights[8], vector shapes[8], float samples, float du_dx, float du_dy,
-                         float dv_dx, float dv_dy, closure color plain, output color counters, output int left,
-                         output int hint_count)
+ * glint. lobes: how many share the closures of a shading point. lights, shapes: see light_hint.h; low, high: slope bounds
+ * of the map, none where they are equal. left: why it is the answer (counters.h); hint_count: hints that the map answers
+ * here. */
+closure color glint_lobe(string distribution, float alpha, int lobes, output Map map, vector low, vector high,
+                         NormalFrame frame, Hit hit, vector lights[8], vector shapes[8], float samples, float du_dx,
+                         float du_dy, float dv_dx, float dv_dy, closure color plain, output color counters,
+                         output int left, output int hint_count)
 {
   vector dpdx = Dx(P);
   vector dpdy = Dy(P);
@@ -148,24 +147,8 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
   Level level;
   Cells cells[8];
   vector shift = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
-  level.block = far_block(map.counts, footprint);
-  int last_block = level.block == 0 ? 0 : min(2 * level.block, map.counts.first << (map.counts.levels - 1));
-  int fits = 0;
-  for (int block = level.block; block > 0 && block <= last_block && !fits; block *= 2) {
-    /* Larger blocks have narrower bins. */
-    level = counts_level(map.counts, block, map.width, map.height, map.is_linear);
-    float least = 1e30;
-    for (int k = 0; k < hint_count; ++k) {
-      cells[k] = far_cells_of(hints[k], alpha, hint_count * lobes, map.counts, level, map.strength, shift);
-      if (cells[k].columns > 0) {
-        least = hints[k].turn > FAR_TURN * hints[k].radius ? 0.0 : min(least, min(cells[k].reach1, cells[k].reach2));
-      }
-    }
-    fits = least > (map.is_linear ? FAR_REACH_LINEAR : FAR_REACH_CLOSEST);
-  }
   int is_selected = 0;
-  if (fits && counts_are_intact(map.counts, level)) {
-    map.fetches += 1;
+  if (counts_serve(map, hints, hint_count, lobes, alpha, footprint, shift, level, cells)) {
     mode = MODE_COUNTS;
     is_selected = hit_is_counted(hints, hint_count, cells, level, map, hit);
   }
@@ -189,8 +172,8 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
   int visited = 0;
   closure color sum = 0;
   if (mode == MODE_COUNTS) {
-    sum = counts_closures(distribution, alpha, map, level, hints, hint_count, peak_parts(hint_count * lobes), cells, footprint, hit.u, hit.v, shift,
-                          remainder, visited, closures);
+    sum = counts_closures(distribution, alpha, map, level, hints, hint_count, peak_parts(hint_count * lobes), cells,
+                          footprint, hit.u, hit.v, shift, remainder, visited, closures);
   }
   else {
     Selection s;

@@ -7,6 +7,15 @@
 /* Cycles drops closures whose weight is below 1e-5; lighter ones are kept at this weight by Russian roulette. */
 #define LEAST_WEIGHT 2e-5
 
+/* The weight of a closure, 0 or LEAST_WEIGHT for one that Cycles would drop; seeds: of this sample and this closure. */
+float roulette(float w, float seed_1, float seed_2, int k)
+{
+  if (w >= LEAST_WEIGHT) {
+    return w;
+  }
+  return (float)hashnoise(point(seed_1, seed_2, k)) * LEAST_WEIGHT < w ? LEAST_WEIGHT : 0.0;
+}
+
 struct Selection {
   int count;       /* elements kept one by one; meaningless once merged */
   int limit;       /* how many may be */

@@ -506,5 +506,4 @@ def test_constants_are_those_of_the_shader():
     counts = paths.shader_file("counts.h").read_text(encoding="utf-8")
     for name in ("FAR_SIDE", "FAR_SIDE_FIRST", "FAR_SIDE_LONG"):
         assert f"#define {name} {getattr(footprints, name)}\n" in counts
-    lobe = paths.shader_file("lobe.h").read_text(encoding="utf-8")
-    assert f"min({footprints.NARROWER_BINS:g} * level.block" in lobe
+    assert f"min({footprints.NARROWER_BINS:g} * from, " in counts

@@ -19,6 +19,7 @@ SIZES = [(100, 37), (37, 100), (1, 70), (32, 32), (64, 96), (33, 31)]  # width, 
 BYTES_A_TEXEL = 8  # of the 40: 16 are the normals', up to 16 the counts'
 MAP = (200, 137)  # texels, no power of two and no whole blocks
 MODE_ALL, MODE_INDEX = 3, 6
+LEAST_INDEXED = 0.1  # of the pixels
 LARGEST_SHARE = 0.6  # of the elements under a footprint that are visited, with two suns and slopes of 0.15
 # Relative differences of pixels: the kernel's integral instead of its sum over the elements, and, in a few pixels, the
 # roulette of closures lighter than 2e-5, which comes out otherwise.
@@ -157,8 +158,10 @@ def test_the_index_finds_the_same_glints_at_fewer_visits(scene, wall, interpolat
     table.default_value = ""
     expected, plain = cycles.rendered(scene), counters.counters(scene, material)
 
-    assert (count.mode == MODE_INDEX).all() and (plain.mode == MODE_ALL).all()
-    assert count.visited.mean() < LARGEST_SHARE * plain.visited.mean()
+    # Where most elements mirror one of the suns the shader visits all, which is faster.
+    indexed = count.mode == MODE_INDEX
+    assert indexed.mean() > LEAST_INDEXED and (count.mode[~indexed] == MODE_ALL).all() and (plain.mode == MODE_ALL).all()
+    assert count.visited[indexed].mean() < LARGEST_SHARE * plain.visited[indexed].mean()
     picture, expected = picture[..., 0], expected[..., 0]
     difference = np.abs(picture - expected) / np.maximum(expected, FAINT * expected.mean())
     assert expected.mean() > 0 and picture.mean() == pytest.approx(expected.mean(), rel=MEAN_DIFFERENCE)
