@@ -378,7 +378,7 @@ SELECTION_BODY = """
   HalfVector hints[8];
   hints[0].radius = in[0]; hints[1].radius = in[1];
   Selection s;
-  s.count = 0; s.merged = 0; s.cells = hint_cells(2);
+  s.count = 0; s.merged = 0; s.limit = closure_limit(1); s.cells = hint_cells(2);
   int repeats = (int)in[2];
   for (int k = 0; k < 7 * repeats; ++k) {
     int e = 3 + 6 * (k % 7);
@@ -463,7 +463,7 @@ VISIT_BODY = """
   HalfVector hints[8];
   hints[0] = hint;
   Selection s;
-  s.count = 0; s.merged = 0; s.cells = hint_cells(1);
+  s.count = 0; s.merged = 0; s.limit = closure_limit(1); s.cells = hint_cells(1);
   visit_patch(map, hints, 0, 1, 0.01, MODE_POINTS, (int)in[17], (int)in[18], -in[19], -in[20], in[19], in[20],
               0, 0, 0, 0, 1.0, s);
   out[0] = s.count; out[1] = map.fetches;
