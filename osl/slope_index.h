@@ -313,12 +313,15 @@ float index_query(output Map map, HalfVector hints[8], int hint_count, float alp
                                               side_v * hypot(hint.shift_v1, hint.shift_v2));
           CellRange range = block_cells(map, index, record, basis, -du * hint.shift_u1 - dv * hint.shift_v1,
                                         -du * hint.shift_u2 - dv * hint.shift_v2, radius);
-          for (int cells = range.from2; cells <= range.to2; ++cells) {
-            int start, end;
-            row_elements(map, index, record, range, cells, start, end);
+          /* After the rows of cells comes the tail; in one loop, because each call of a function is compiled anew. */
+          for (int cells = range.from2; cells <= range.to2 + 1; ++cells) {
+            int start = range.listed;
+            int end = side_u * side_v;
+            if (cells <= range.to2) {
+              row_elements(map, index, record, range, cells, start, end);
+            }
             visit_listed(map, index, search, hint, hints, k, alpha, start, end, s, visited);
           }
-          visit_listed(map, index, search, hint, hints, k, alpha, range.listed, side_u * side_v, s, visited);
         }
         i += side_u;
         place_u = place_u + 1 < index.columns ? place_u + 1 : 0;
