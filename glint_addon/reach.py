@@ -31,6 +31,7 @@ OPPOSITE = np.radians(170.0)
 SIZES = ("angle", "shadow_soft_size", "size", "size_y")  # properties of lights that change how large they are
 DEVIATIONS = 3.0  # standard deviations of a map's slopes that its steepest facets are away from the flat
 FLATTEST = 1e-4  # slope: a map without facets still has rounding
+LEAST_ROUGHNESS = 1e-3  # of a facet: a mirror's glints have no finite noise
 STEEPEST = np.radians(89.0)
 LEAST_SCALING = 1e-3  # relative change of an object's size over an animation that makes its patches others
 
@@ -85,7 +86,7 @@ def _facets(node) -> Facets | None:
     if not bounds.any() or bounds.max() >= 1e6:
         return None  # the shader does not know them either
     slope = abs(strength.default_value) * float(np.linalg.norm(bounds))
-    return Facets(max(slope, FLATTEST), min(max(roughness.default_value, 0.0), 1.0) ** 2)
+    return Facets(max(slope, FLATTEST), max(min(roughness.default_value, 1.0), LEAST_ROUGHNESS) ** 2)
 
 
 def _patches_over(scene, thing, frames) -> list[tuple[Patches, float]] | None:
