@@ -104,8 +104,9 @@ def _share_closures(materials):
     """Cycles keeps 64 closures of a shading point: tell each group how many lobes its materials sum at most."""
     lobes = {}
     for material in materials:
+        count = glint_lobes(material)
         for group in glint_groups(material):
-            lobes[group] = max(lobes.get(group, 1), glint_lobes(material))
+            lobes[group] = max(lobes.get(group, 1), count)
     for group, count in lobes.items():
         if group.library is None:
             glint_bsdf.share_closures(group, count)

@@ -16,7 +16,7 @@
 #define COUNTS_MAGIC 7927.0
 
 /* Largest side of a block relative to the footprint's short semi-axis: wider blocks would see more of the map than the
- * footprint (see own in counts_closures). The first level serves nearer footprints too, rather than none. */
+ * footprint (see own in blocks_under). The first level serves nearer footprints too, rather than none. */
 #define FAR_SIDE 0.6
 #define FAR_SIDE_FIRST 1.2
 /* Groups that a sample should need; beyond, larger blocks are taken, up to this side relative to the short semi-axis, and of
