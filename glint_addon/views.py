@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .eyes import Eye, scene_eyes
+from .lights.animation import is_animated
 from .lights.choice import chosen_frames
 from .motion import copies_others
 from .nodes.glint_bsdf import is_glint_group
@@ -33,15 +34,25 @@ class Views:
 
 
 def scene_views(scene) -> Views | None:
-    """What the cameras of a scene see by, None if that cannot be told, or if there are copies of objects."""
+    """What the cameras of a scene see by, None if that cannot be told, if there are copies of objects, or if diffuse
+    surfaces show glints, which see all around them."""
     frames = chosen_frames(scene)
     eyes = scene_eyes(scene, frames)
-    if not eyes or any(copies_others(thing) for thing in scene.objects):
+    if not eyes or _shows_caustics(scene) or any(copies_others(thing) for thing in scene.objects):
         return None
     lenses = [camera.data for camera in scene_cameras(scene) if camera.data.dof.use_dof]
     radius = max((lens.lens * 1e-3 / (2 * lens.dof.aperture_fstop) * max(1.0, 1.0 / lens.dof.aperture_ratio)
                   for lens in lenses), default=0.0)
     return Views(frames, eyes, radius, _has_mirrors(scene))
+
+
+def _shows_caustics(scene) -> bool:
+    """Whether glints are enumerated after diffuse bounces, at any time: see CAUSTICS of nodes.glint_bsdf."""
+    cycles = scene.cycles
+    if min(cycles.max_bounces, cycles.diffuse_bounces) == 0:
+        return False
+    has_caustics = cycles.caustics_reflective or is_animated(scene, "cycles.caustics_reflective")
+    return has_caustics and (cycles.blur_glossy <= 0.0 or is_animated(scene, "cycles.blur_glossy"))
 
 
 def _has_mirrors(scene) -> bool:

@@ -4,7 +4,7 @@
 #define LEFT_NO_HINT 1      /* no hinted light, no table, or too few closures: known before the render */
 #define LEFT_NO_TABLE 2     /* table missing, damaged or shrunk */
 #define LEFT_NO_TANGENT 3   /* mesh without tangents of the UV map */
-#define LEFT_SECONDARY 4    /* shadow ray, or after a diffuse bounce */
+#define LEFT_SECONDARY 4    /* shadow ray, or after a diffuse bounce without Caustics */
 #define LEFT_FLAT 5         /* Strength 0 */
 #define LEFT_NO_FOOTPRINT 6 /* UVs without derivatives */
 #define LEFT_WITHIN_TEXEL 7 /* footprint within a texel (Closest) or patch (Linear) */

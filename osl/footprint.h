@@ -11,6 +11,14 @@
 #define LEAST_AXES_SINE 1e-6
 /* Stretch at grazing angles ends where a pixel sees ten thousand times its own width. */
 #define LEAST_COSINE 1e-4
+/* After a diffuse bounce the light of a whole wall meets in one point. Any footprint on the wall has the same expectation,
+ * for elements are judged with the view that each has of that point, so it may be wider than the ray's cone, which Cycles
+ * makes no wider than the camera's pixel. Texels of the footprint; worst of 16 pictures of 64 samples, bumps of slope 0.08
+ * and roughness 0.1, against 6.2 of Blender's nodes: 2.9 with 16, 2.5 with 64, 2.5 with 256, which takes twice the time. */
+#define CAUSTIC_AREA 64.0
+/* Its radius as seen from that point, at most: what a linear turn of the view leaves out grows with the square. Measured
+ * with texels of 6 cm, 2 m away: light within noise with 0.05 and 0.1, -1.2 % with 0.2, -3 % without a bound. */
+#define CAUSTIC_ANGLE 0.05
 
 struct Footprint {
   /* Texel offset of kernel coordinates (x, y) in the unit disk: (ux x + uy y, vx x + vy y). */
@@ -87,6 +95,12 @@ void scale_footprint(float scale, output Footprint footprint)
   footprint.area *= scale * scale;
   footprint.long_axis *= scale;
   footprint.short_axis *= scale;
+}
+
+/* How much wider a footprint, `radius` metres wide, may be after a diffuse bounce at `distance`, and is to be. */
+float caustic_scale(Footprint footprint, float radius, float distance)
+{
+  return min(sqrt(CAUSTIC_AREA / footprint.area), CAUSTIC_ANGLE * distance / radius);
 }
 
 /* Kernel over the unit disk, t = x^2 + y^2: smooth and of finite support. Its integral is pi / 3. */

@@ -84,19 +84,26 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
 
 /* The lobe for colour 1. plain: the closure of the hit's own normal, which is the whole answer where no hinted light can
  * glint. lobes: how many share the closures of a shading point. lights, shapes: see light_hint.h; low, high: slope bounds
- * of the map, none where they are equal. left: why it is the answer (counters.h); hint_count: hints that the map answers
- * here. */
+ * of the map, none where they are equal. diffuse_distance: to the diffuse bounce before this point, 0 if there was none.
+ * left: why it is the answer (counters.h); hint_count: hints that the map answers here. */
 closure color glint_lobe(string distribution, float alpha, int lobes, output Map map, vector low, vector high,
-                         NormalFrame frame, Hit hit, vector lights[8], vector shapes[8], float samples, float du_dx,
-                         float du_dy, float dv_dx, float dv_dy, closure color plain, output color counters,
-                         output int left, output int hint_count)
+                         NormalFrame frame, Hit hit, vector lights[8], vector shapes[8], float samples,
+                         float diffuse_distance, float du_dx, float du_dy, float dv_dx, float dv_dy,
+                         closure color plain, output color counters, output int left, output int hint_count)
 {
   vector dpdx = Dx(P);
   vector dpdy = Dy(P);
   Footprint footprint;
-  if (!ray_footprint(dpdx, dpdy, I, Ng, footprint_radius(samples), du_dx, du_dy, dv_dx, dv_dy, footprint)) {
+  float radius = footprint_radius(samples);
+  float view_turn = length(Dx(I)) / length(dpdx);
+  if (!ray_footprint(dpdx, dpdy, diffuse_distance > 0.0 ? vector(Ng) : I, Ng, radius, du_dx, du_dy, dv_dx, dv_dy,
+                     footprint)) {
     left = LEFT_NO_FOOTPRINT;
     return plain;
+  }
+  if (diffuse_distance > 0.0) {
+    scale_footprint(caustic_scale(footprint, radius * length(dpdx), diffuse_distance), footprint);
+    view_turn = 1.0 / diffuse_distance;
   }
   int mode = query_mode(footprint);
   if (mode == MODE_SINGLE && !map.is_linear) {
@@ -107,7 +114,6 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
   /* Keep the hints that the map can answer here. */
   HalfVector hints[8];
   float turn = 0;
-  float view_turn = length(Dx(I)) / length(dpdx);
   float region = REGION * alpha;
   int bounded = high[0] > low[0] || high[1] > low[1];
   vector strong_low = low;

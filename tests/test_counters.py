@@ -28,6 +28,8 @@ MODE = {name: number for number, name in MODES.items()}
 REASON = {name: number for number, name in REASONS.items()}
 PLAIN_FETCHES = 2  # the texel or the interpolated normal, and the one that proves that the table is whole
 SEAM_FETCHES = 3  # more, where Linear interpolates over the map's edge: its four corners instead of one
+CAUSTIC_AREA = 64  # texels of a footprint after a diffuse bounce: osl/footprint.h
+AREA_ROUNDING = 0.05  # texels are counted by their middles
 SHADOW_SCALE = 0.05  # counts to transparency: small, so that nothing clips
 
 
@@ -139,6 +141,27 @@ def test_diffuse_and_shadow_rays_make_one_closure_and_no_query(ray):
     fetches, reason, hints = answers["Costs"].T
     assert not hints.any()
     np.testing.assert_allclose(reason, REASON["SECONDARY"] / PLAIN_FETCHES * fetches, rtol=1e-5)
+
+
+@pytest.mark.parametrize("texels", [10, 100])
+def test_after_a_diffuse_bounce_the_same_footprint_is_queried_however_wide_the_pixel_is(texels):
+    """The same, lit from below, where Cycles shows caustics unfiltered."""
+    scene, plane, material = build(texels=texels, interpolation="CLOSEST", direction=(0, 0, -1))
+    plane.location.z = 1.0
+    cycles.add_plane(scene, 1.0, material=stage.diffuse_material("White", (1, 1, 1)))
+    cycles.add_camera(scene, (0, -0.5, 0.5), (0, 0, 0), width=0.3)
+    scene.cycles.blur_glossy, scene.cycles.caustics_reflective = 0.0, True
+    assert prepare_scene(scene, bake_unseen=True)["hints"] == ["Sun"], "no camera, but the floor sees its glints"
+    bpy.data.lights["Sun"].color = (0, 0, 0)
+    (group,) = glint_groups(material)
+    show(group, "Counters")
+    material.cycles.emission_sampling = "NONE"
+    scene.cycles.samples = 16
+    visited, closures, mode = cycles.rendered(scene)[..., :3].reshape(-1, 3).T
+    # Counts are means over a pixel's rays, some of which miss the plane; all that hit it go the same way.
+    hits = mode / MODE["ALL"]
+    assert 0.7 < hits.mean() <= 1.0 and (closures >= 0.3 * hits).all()
+    assert visited.sum() / hits.sum() == pytest.approx(CAUSTIC_AREA, rel=AREA_ROUNDING)
 
 
 def test_what_a_mirror_shows_is_queried_as_what_the_camera_sees():

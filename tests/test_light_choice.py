@@ -244,6 +244,26 @@ def test_a_light_that_no_facet_mirrors_to_the_camera_is_left_out_unless_a_mirror
     assert plane.name in scene.objects
 
 
+@pytest.mark.parametrize(
+    ("change", "is_kept"),
+    [({}, True), ({"blur_glossy": 1.0}, False), ({"caustics_reflective": False}, False),
+     ({"diffuse_bounces": 0}, False)],
+)
+def test_a_light_whose_glints_only_diffuse_surfaces_see_is_kept_where_they_show_them(scene, flake_map, change, is_kept):
+    cycles.add_camera(scene, (0, 0, 4), angle=0.3)
+    glinting_plane(scene, flake_map, "Sparkle", roughness=0.05, strength=0.1)
+    add_lamp(scene, "Above", (0, 0, 3))
+    add_lamp(scene, "Beside", (9, 0, 0.5), energy=1000.0)
+    for name, value in ({"blur_glossy": 0.0, "caustics_reflective": True} | change).items():
+        setattr(scene.cycles, name, value)
+    assert ("Beside" in prepare_scene(scene)["hints"]) == is_kept
+    if is_kept:
+        scene.cycles.blur_glossy = 1.0
+        assert "Beside" not in prepare_scene(scene)["hints"]
+        scene.cycles.keyframe_insert("blur_glossy", frame=1)
+        assert "Beside" in prepare_scene(scene)["hints"], "it may be 0 at another frame"
+
+
 @pytest.mark.parametrize("shape", ["plane", "ball"])
 def test_a_light_that_some_facet_mirrors_is_never_called_out_of_reach(scene, shape):
     """Against half vectors at many points of the surface, for lamps, suns and cameras at random."""

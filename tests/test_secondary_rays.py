@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import bpy
 import numpy as np
@@ -13,6 +14,9 @@ from demo_scenes import maps, stage
 from demo_scenes.measure import luminance
 from demo_scenes.truth import truth_material
 from glint_addon import create_glint_material, prepare_scene
+from glint_addon.nodes.builder import STAMP
+from glint_addon.nodes.driven import driver_curve
+from glint_addon.nodes.glint_bsdf import CAUSTICS_NODE, VERSION, build, refresh
 
 from .helpers import cycles
 from .helpers.counters import MODES, counters, show
@@ -27,6 +31,12 @@ ROUGHNESS = 0.25
 SAME_GLINTS = 0.97
 # Counters are whole numbers of a sample each; a mirrored ray meets the surface a rounding away from the direct one.
 SAME_VISITS = 0.02
+# Facets so sharp that their glints on a neighbour are fireflies: of 16 pictures of 64 samples the worst pixel is 6.2 with
+# Blender's nodes and 2.5 with the lobe (Linear), 5.4 and 2.3 (Closest); the noise 0.49 and 0.16, 0.48 and 0.19.
+FIREFLY_ROUGHNESS = 0.1
+WORST_PIXEL = 0.6
+CAUSTIC_Z = 4.0
+LARGEST_DEVIATION = 0.01  # relative
 
 
 def glinting_square(material_of=create_glint_material, *, std=0.08, roughness=ROUGHNESS, size=(16, 16), repeats=4.0):
@@ -102,8 +112,7 @@ def pictures_of(build, nodes, lobe):
     scene.cycles.shading_system = False
     first = luminance(rendered_seeds(scene, *nodes))
     scene = build(create_glint_material)
-    # Where no camera can see a glint no light need be hinted.
-    assert prepare_scene(scene, bake_unseen=True)["hints"] == ([] if build is caustic else ["Sun"])
+    assert prepare_scene(scene, bake_unseen=True)["hints"] == ["Sun"]
     return first, luminance(rendered_seeds(scene, *lobe))
 
 
@@ -131,14 +140,16 @@ def in_a_bent_mirror(material_of):
     return scene
 
 
-def caustic(material_of):
+def caustic(material_of, *, roughness=ROUGHNESS, interpolation="LINEAR"):
     """A diffuse floor that an upright glint wall lights, without Blender's own filter of glossy light."""
-    scene, square, _ = glinting_square(material_of, repeats=8.0)
+    material_of = partial(material_of, interpolation=interpolation)
+    scene, square, _ = glinting_square(material_of, roughness=roughness, repeats=8.0)
     square.location, square.rotation_euler = (0, 1, 2), (math.pi / 2, 0, 0)
     cycles.add_plane(scene, 6.0, material=diffuse_material())
     cycles.add_camera(scene, (0, -0.2, 3), (0, 0, 0), width=1.6)
     cycles.add_sun(scene, (0, -1, 1), angle=SUN_ANGLE)
     scene.cycles.blur_glossy = 0.0
+    scene.cycles.caustics_reflective = True
     return scene
 
 
@@ -147,11 +158,52 @@ def test_what_other_surfaces_show_of_glints_has_the_mean_of_the_nodes(build):
     assert_same_mean(*pictures_of(build, (1024, 2), (64, 2)))
 
 
-def test_after_a_diffuse_bounce_no_pixel_is_brighter_than_with_the_nodes_at_equal_samples():
-    nodes, lobe = pictures_of(caustic, (64, 4), (64, 4))
-    # Where the lobe is the nodes' own normal both are the same samples; where it is filtered its worst pixel is less.
-    assert lobe.max() <= nodes.max() * (1 + FLOOR)
-    assert lobe.std(axis=0).mean() <= nodes.std(axis=0).mean() * (1 + FLOOR)
+@pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
+def test_after_a_diffuse_bounce_the_worst_pixel_is_far_below_that_of_the_nodes_at_equal_samples(interpolation):
+    build = partial(caustic, roughness=FIREFLY_ROUGHNESS, interpolation=interpolation)
+    nodes, lobe = pictures_of(build, (64, 16), (64, 16))
+    assert lobe.max() < WORST_PIXEL * nodes.max()
+    assert lobe.std(axis=0).mean() < WORST_PIXEL * nodes.std(axis=0).mean()
+
+
+@pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
+def test_after_a_diffuse_bounce_the_light_of_all_glints_is_that_of_the_nodes(interpolation):
+    build = partial(caustic, roughness=FIREFLY_ROUGHNESS, interpolation=interpolation)
+    nodes, lobe = pictures_of(build, (4096, 16), (256, 16))
+    deviation = math.hypot(*(side.mean(axis=(1, 2)).std(ddof=1) / len(side) ** 0.5 for side in (nodes, lobe)))
+    assert deviation < LARGEST_DEVIATION * nodes.mean(), "noise would hide a bias"
+    assert abs(lobe.mean() - nodes.mean()) < CAUSTIC_Z * deviation
+
+
+UNFILTERED = {"blur_glossy": 0.0, "caustics_reflective": True}
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"), [({}, 1), ({"blur_glossy": 0.5}, 0), ({"caustics_reflective": False}, 0)]
+)
+def test_the_switch_of_caustics_follows_the_scene_that_is_rendered(change, expected):
+    scene, _, material = glinting_square()
+    other = scene.copy()  # whose switches are Blender's own
+    for name, value in (UNFILTERED | change).items():
+        setattr(scene.cycles, name, value)
+    (group,) = (node.node_tree for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup")
+    assert driver_curve(group.nodes[CAUSTICS_NODE].outputs["Value"]).driver.is_simple_expression
+    for each, value in ((scene, expected), (other, 0), (scene, expected)):
+        with bpy.context.temp_override(scene=each, view_layer=each.view_layers[0]):
+            graph = bpy.context.evaluated_depsgraph_get()
+            switch = group.evaluated_get(graph).nodes[CAUSTICS_NODE].outputs["Value"]
+            assert switch.default_value == value
+
+
+def test_a_group_of_an_older_version_gets_the_switch_and_one_driver(scene):
+    group = build()
+    group.nodes.remove(group.nodes[CAUSTICS_NODE])
+    group[STAMP] = VERSION - 1
+    for _ in range(2):
+        refresh(group)
+        curve = driver_curve(group.nodes[CAUSTICS_NODE].outputs["Value"])
+        assert list(group.animation_data.drivers) == [curve] and len(curve.driver.variables) == 2
+        group[STAMP] = VERSION - 1
 
 
 def fog(material):

@@ -13,16 +13,28 @@ import bpy
 from ..errors import MapError
 from . import glint_lights
 from .builder import STAMP, add_input, add_node, add_output, arrange, local_group, new_group
+from .driven import Driven, Variable, write_number
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
-VERSION = 6
+VERSION = 7
 SCRIPT_NODE = "Glint"
 LIGHTS_NODE = "Lights"
+CAUSTICS_NODE = "Caustics"
 DISTRIBUTIONS = ("BECKMANN", "GGX")
 INTERPOLATIONS = ("LINEAR", "CLOSEST")
 CONVENTIONS = ("OPENGL", "DIRECTX")
 EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
+
+# Whether glints are enumerated after diffuse bounces too, in the scene that is being rendered: where Cycles shows what
+# facets throw on their neighbours, and does not blur it by Filter Glossy, which leaves nothing to gain.
+CAUSTICS = Driven(
+    "1 if caustics > 0 and blur <= 0 else 0",
+    (
+        Variable("caustics", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.caustics_reflective"),
+        Variable("blur", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.blur_glossy"),
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -189,6 +201,9 @@ def _add_nodes(group, binding):
     links.append((glossy, script.inputs["Fallback"]))
     for name in (glint_lights.SAMPLES, glint_lights.CLOSURES):
         links.append((lights.outputs[name], script.inputs[name]))
+    caustics = add_node(group, "ShaderNodeValue", CAUSTICS_NODE).outputs["Value"]
+    write_number(caustics, CAUSTICS)
+    links.append((caustics, script.inputs["Caustics"]))
     for index in range(1, glint_lights.HINT_COUNT + 1):
         links.append((lights.outputs[f"Light {index}"], script.inputs[f"Light{index}"]))
         links.append((lights.outputs[f"Shape {index}"], script.inputs[f"Shape{index}"]))
