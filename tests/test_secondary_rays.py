@@ -31,8 +31,8 @@ ROUGHNESS = 0.25
 SAME_GLINTS = 0.97
 # Counters are whole numbers of a sample each; a mirrored ray meets the surface a rounding away from the direct one.
 SAME_VISITS = 0.02
-# Facets so sharp that their glints on a neighbour are fireflies: of 16 pictures of 64 samples the worst pixel is 6.2 with
-# Blender's nodes and 2.5 with the lobe (Linear), 5.4 and 2.3 (Closest); the noise 0.49 and 0.16, 0.48 and 0.19.
+# Facets so sharp that their glints on a neighbour are fireflies: of 16 pictures of 64 samples the worst pixel is 6.2
+# with Blender's nodes and 2.5 with the lobe (Linear), 5.4 and 2.3 (Closest); the noise 0.49 and 0.16, 0.48 and 0.19.
 FIREFLY_ROUGHNESS = 0.1
 WORST_PIXEL = 0.6
 CAUSTIC_Z = 4.0
