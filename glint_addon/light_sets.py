@@ -11,6 +11,7 @@ import bpy
 
 from .lights.drivers import connect_hints
 from .lights.hints import scene_candidates
+from .lights.shutter import shutter_ways
 from .material import glint_groups
 from .material_lights import material_choices, material_families
 from .nodes import glint_lights
@@ -30,9 +31,11 @@ def connect_lights(scene, uses) -> dict:
     families = material_families(uses)
     choices = material_choices(scene, families, found)
     warnings = _warnings(scene, families)
-    _connect(scene, families, choices)
-
     used = {hint for choice in choices for hint in choice.hints}
+    layers = [layer for layer in scene.view_layers if layer.use]
+    ways = shutter_ways(scene, layers, [hint for hint in found if hint in used])
+    _connect(scene, families, choices, ways)
+
     reasons = {name: reason for choice in choices for name, reason in choice.left}
     skipped = sorted(skipped + [(hint.name, reasons[hint.name]) for hint in found if hint not in used])
     pairs = [(material.name, choice) for family, choice in zip(families, choices, strict=True)
@@ -46,10 +49,10 @@ def connect_lights(scene, uses) -> dict:
     }
 
 
-def _connect(scene, families, choices):
-    """Let each family's nodes read a group with its lights."""
+def _connect(scene, families, choices, ways):
+    """Let each family's nodes read a group with its lights, which move by their `ways`."""
     foreign = _foreign_groups(scene, families)
-    sets = _light_groups(scene, [choice.hints for choice in choices], foreign)
+    sets = _light_groups(scene, [choice.hints for choice in choices], ways, foreign)
     lights = [sets[choice.hints] for choice in choices]
 
     # Groups that must stay keep their place; all others are dealt out anew, by name.
@@ -91,7 +94,7 @@ def _reads(group):
     return group_binding(group), {name: value for name, value in group.items() if isinstance(value, str)}
 
 
-def _light_groups(scene, sets, foreign) -> dict:
+def _light_groups(scene, sets, ways, foreign) -> dict:
     """A lights' group for each of the sets of hints, with these in it."""
     read = {_lights_of(group) for group in foreign}
     glint_lights.build()
@@ -100,7 +103,7 @@ def _light_groups(scene, sets, foreign) -> dict:
     for hints in sets:
         if hints not in found:
             found[hints] = free.pop(0) if free else glint_lights.build_another()
-            connect_hints(found[hints], scene, list(hints))
+            connect_hints(found[hints], scene, list(hints), ways)
             if found[hints].get(CLAIM) != scene.name:
                 found[hints][CLAIM] = scene.name
     return found

@@ -11,6 +11,7 @@ from ..nodes.driven import Driven, Keyed, Variable, write_number
 from ..nodes.glint_lights import HINT_COUNT, KIND_NONE, KIND_SUN, light_name, shape_name
 from .frames import Frame
 from .hint import Hint
+from .shutter_nodes import write_ways
 
 AXES = ("X", "Y", "Z")
 NO_LIGHT = (0.0, 0.0, 0.0)
@@ -26,8 +27,10 @@ AREA_RADIUS = {
 }
 
 
-def connect_hints(group, scene, hints: list[Hint]) -> None:
+def connect_hints(group, scene, hints: list[Hint], ways: dict | None = None) -> None:
     """Drive the group's lights by `hints` in their order and clear the slots left over.
+
+    ways: {hint: `shutter.Way`} of those that move while the shutter is open.
 
     What is already as wanted is not touched, so a second call changes nothing.
     Raises SceneError if there are too many hints, or one's object is not in `scene`, or the group lacks a node.
@@ -43,6 +46,7 @@ def connect_hints(group, scene, hints: list[Hint]) -> None:
         hint = hints[slot - 1] if slot <= len(hints) else None
         _write_vector(group, light_name(slot), _place(hint) if hint else NO_LIGHT)
         _write_vector(group, shape_name(slot), _shape(hint) if hint else NO_LIGHT)
+    write_ways(group, [(ways or {}).get(hint) for hint in hints])
 
 
 def disconnect(group) -> None:
@@ -50,6 +54,7 @@ def disconnect(group) -> None:
     for slot in range(1, HINT_COUNT + 1):
         _write_vector(group, light_name(slot), NO_LIGHT)
         _write_vector(group, shape_name(slot), NO_LIGHT)
+    write_ways(group, [])
 
 
 def _write_vector(group, node_name, numbers):

@@ -1,0 +1,136 @@
+"""How lights move while the shutter is open, beside where drivers put their hints: at the frame itself.
+
+Cycles blurs emissive meshes. Lamps it does not: it renders them where they are in the middle of the shutter, which is
+another place than at the frame only where the scene's shutter starts or ends there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..nodes.driven import Keyed
+from ..nodes.glint_lights import KIND_SUN
+from .choice import places
+from .hint import Hint
+
+# Middle of the shutter after the frame, in shutters.
+MIDDLES = {"CENTER": 0.0, "START": 0.5, "END": -0.5}
+# Smaller ways [m, or of a unit vector] are rounding of matrices.
+LEAST_WAY = 1e-5
+
+Numbers = tuple[Keyed | float, ...]
+
+
+@dataclass(frozen=True)
+class Way:
+    """What to add to a hint's place, X, Y, Z in its unit: `shift` in the middle of the shutter, and `reach` more when
+    it closes, less when it opens."""
+
+    shift: Numbers
+    reach: Numbers
+
+
+def shutter_ways(scene, layers, hints) -> dict[Hint, Way]:
+    """The ways of those of `hints` that move while the shutter is open, over the frames of `scene`.
+
+    None without motion blur. Matrices must be current; where more than keys moves a light, or what it hangs on, every
+    frame is set, and the present one again. `layers` are the view layers that count.
+    """
+    if not scene.render.use_motion_blur:
+        return {}
+    frames = np.arange(scene.frame_start, scene.frame_end + 1)
+    opens, middle, closes = (MIDDLES[scene.render.motion_blur_position] + side for side in (-0.5, 0.0, 0.5))
+    # At the frame, and at three times in the shutter.
+    shutter = scene.render.motion_blur_shutter
+    offsets = {hint: shutter * np.array([0.0, *((opens, middle, closes) if is_blurred(hint) else (middle,) * 3)])
+               for hint in hints if hint.direction is None}
+    moving = {hint: offset for hint, offset in offsets.items() if offset.any()}
+    found = _hint_places(scene, layers, frames, moving)
+    ways = {hint: _way(frames, points) for hint, points in found.items()}
+    return {hint: way for hint, way in ways.items() if way is not None}
+
+
+def is_blurred(hint) -> bool:
+    """Whether Cycles blurs a light that moves: a mesh, unless its motion blur is off."""
+    source = hint.instance.source if hint.instance else hint.object
+    return source is not None and source.type != "LIGHT" and source.cycles.use_motion_blur
+
+
+def _way(frames, points) -> Way | None:
+    """The way of a light at `points` (f, 4, 3): at each of the f frames, and as the shutter opens, is half open and
+    closes then."""
+    at_frame, first, half_way, last = points.swapaxes(0, 1)
+    # A straight way, at a steady speed, that strays least from the two pieces which Cycles makes of it.
+    shift, reach = (first + 2 * half_way + last) / 4 - at_frame, (last - first) / 2
+    if max(np.abs(shift).max(), np.abs(reach).max()) < LEAST_WAY:
+        return None
+    return Way(*(tuple(_over(frames, side[:, axis]) for axis in range(3)) for side in (shift, reach)))
+
+
+def _over(frames, numbers) -> Keyed | float:
+    """Keys at the frames, or one number where all are the same."""
+    rounded = np.where(np.ptp(numbers) < LEAST_WAY, numbers[0], numbers)
+    rounded = np.where(np.abs(rounded) < LEAST_WAY, 0.0, rounded)
+    if (rounded == rounded[0]).all():
+        return float(rounded[0])
+    return Keyed(tuple(map(int, frames)), tuple(map(float, rounded)))
+
+
+def _hint_places(scene, layers, frames, offsets) -> dict[Hint, np.ndarray]:
+    """Where each hint is, (f, k, 3), at the k `offsets` {hint: (k,)} of the f frames."""
+    times = {hint: frames[:, None] + offset for hint, offset in offsets.items()}
+    found, unknown = {}, {}
+    for hint, at in times.items():
+        if hint.instance and hint.instance.poses:
+            found[hint] = _of_poses(hint, at)
+            continue
+        things = [hint.instance.instancer, hint.instance.source] if hint.instance else [hint.object]
+        matrices = [places(thing, at.ravel()) for thing in things]
+        if any(matrix is None for matrix in matrices):
+            unknown[hint] = at
+        else:
+            found[hint] = np.array([_place(hint, each) for each in zip(*matrices, strict=True)]).reshape(*at.shape, 3)
+    return found | _at_set_frames(scene, layers, unknown)
+
+
+def _place(hint, matrices) -> np.ndarray:
+    """As the drivers have it (`lights.drivers`): from the world matrix of the hint's object, or of the empty that
+    instances its collection and of the object in that."""
+    matrix = np.array(matrices[0])
+    if hint.instance:
+        offset = np.eye(4)
+        offset[:3, 3] = -np.array(hint.instance.instancer.instance_collection.instance_offset)
+        matrix = matrix @ offset @ np.array(matrices[1])
+    if hint.kind == KIND_SUN:
+        return matrix[:3, 2] / max(np.linalg.norm(matrix[:3, 2]), np.finfo(float).tiny)
+    return np.array(hint.middle(matrix))
+
+
+def _of_poses(hint, times) -> np.ndarray:
+    """Places of a copy whose places at whole frames are known, which keys join by straight lines."""
+    shown = [pose for pose in hint.instance.poses if pose.place is not None]
+    frames, points = [pose.frame for pose in shown], np.array([pose.place for pose in shown])
+    return np.stack([np.interp(times, frames, points[:, axis]) for axis in range(3)], axis=-1)
+
+
+def _at_set_frames(scene, layers, times) -> dict[Hint, np.ndarray]:
+    """Places of hints at `times` {hint: (f, k)}, read at each of these."""
+    found = {hint: np.zeros((*at.shape, 3)) for hint, at in times.items()}
+    present, subframe = scene.frame_current, scene.frame_subframe
+    try:
+        for time in sorted({time for at in times.values() for time in at.ravel().tolist()}):
+            whole = int(time // 1)
+            scene.frame_set(whole, subframe=time - whole)
+            for layer in layers:
+                layer.update()
+            for hint, at in times.items():
+                things = [hint.instance.instancer, hint.instance.source] if hint.instance else [hint.object]
+                found[hint][at == time] = _place(hint, [thing.matrix_world for thing in things])
+    finally:
+        if times:
+            scene.frame_set(present, subframe=subframe)
+            for layer in layers:
+                layer.update()
+    return found

@@ -1,0 +1,106 @@
+"""Nodes in the group "Glint Lights" that put a hint where its light is when a ray is sent, while the shutter is open.
+
+No node of Blender's own knows the time of a ray, so a Script node tells it; all else are Math nodes with numbers or
+keys. Lights that do not move within a shutter have none of these nodes.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from ..errors import SceneError
+from ..nodes import builder
+from ..nodes.driven import write_number
+from ..nodes.glint_lights import HINT_COUNT, light_name
+from ..nodes.script_node import compile_script_node, osl_available
+from .shutter import Way
+
+TIME = "Shutter Time"
+# Cycles counts a ray's time from 0, where the shutter opens, to 1; it is in the middle where nothing is blurred.
+SOURCE = """/* Time of the ray: -1 where the shutter opens, 1 where it closes. */
+shader shutter_time(output float Time = 0.0)
+{
+  Time = 2.0 * time - 1.0;
+}
+"""
+STILL = (0.0, 0.0, 0.0)
+
+
+def write_ways(group, ways: list[Way | None]) -> None:
+    """Let each light of the group move by its way, one for each slot (None: still); what is as wanted is not touched.
+
+    Raises SceneError if the group lacks a node.
+    """
+    wanted = [*ways, *[None] * (HINT_COUNT - len(ways))]
+    for slot, way in enumerate(wanted, 1):
+        if way is not None and group.nodes.get(_moved_name(slot)) is None:
+            _add_nodes(group, slot)
+        elif way is None and group.nodes.get(_moved_name(slot)) is not None:
+            _remove_nodes(group, slot)
+        if way is not None:
+            for name, numbers in ((_shift_name(slot), way.shift), (_reach_name(slot), way.reach)):
+                for axis, number in zip("XYZ", numbers, strict=True):
+                    write_number(_node(group, name).inputs[axis], number)
+    if not any(wanted) and group.nodes.get(TIME) is not None:
+        group.nodes.remove(group.nodes[TIME])
+
+
+def _shift_name(slot):
+    return f"Shift {slot}"
+
+
+def _reach_name(slot):
+    return f"Reach {slot}"
+
+
+def _turned_name(slot):
+    return f"Shifted {slot}"
+
+
+def _moved_name(slot):
+    return f"Moved {slot}"
+
+
+def _node(group, name):
+    node = group.nodes.get(name)
+    if node is None:
+        raise SceneError(f'Node group "{group.name}" has lost its node "{name}": delete the group, prepare again.')
+    return node
+
+
+def _add_nodes(group, slot):
+    light = _node(group, light_name(slot)).outputs["Vector"]
+    ends = [link.to_socket for link in light.links]
+    shift, reach = (builder.add_node(group, "ShaderNodeCombineXYZ", name(slot)) for name in (_shift_name, _reach_name))
+    shifted = builder.add_math(group, "ADD", light, shift.outputs["Vector"], label=_turned_name(slot), vector=True)
+    time = _time(group)
+    moved = builder.add_math(group, "MULTIPLY_ADD", reach.outputs["Vector"], STILL if time is None else time, shifted,
+                             label=_moved_name(slot), vector=True)
+    for end in ends:
+        group.links.new(moved, end)
+    builder.arrange(group)
+
+
+def _remove_nodes(group, slot):
+    light = _node(group, light_name(slot)).outputs["Vector"]
+    for link in list(_node(group, _moved_name(slot)).outputs["Vector"].links):
+        group.links.new(light, link.to_socket)
+    for name in (_shift_name, _reach_name, _turned_name, _moved_name):
+        node = _node(group, name(slot))
+        for axis in "XYZ" if name in (_shift_name, _reach_name) else ():
+            write_number(node.inputs[axis], 0.0)  # takes its keys away
+        group.nodes.remove(node)
+    builder.arrange(group)
+
+
+def _time(group):
+    """Output of the group's Script node, made if there is none; None where Blender has no OSL."""
+    node = group.nodes.get(TIME)
+    if node is None and osl_available():
+        text = bpy.data.texts.get(("Glint shutter_time.osl", None)) or bpy.data.texts.new("Glint shutter_time.osl")
+        if text.as_string() != SOURCE:
+            text.from_string(SOURCE)
+        node = builder.add_node(group, "ShaderNodeScript", TIME, mode="INTERNAL", script=text)
+        if not node.bytecode:
+            compile_script_node(node)
+    return node.outputs["Time"] if node else None
