@@ -187,7 +187,10 @@ def _noise(power, half_angle, alpha):
 
 
 def _may_be_brighter(light) -> bool:
-    """Whether something but keys changes the light's power or shape, or keys change its shape."""
+    """Whether something but keys changes the light's power or shape, or keys its shape, or anything its nodes."""
+    tree = getattr(light, "node_tree", None)  # meshes have none
+    if tree is not None and tree.animation_data is not None:
+        return True
     animation = light.animation_data
     if animation is None:
         return False

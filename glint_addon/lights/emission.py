@@ -1,12 +1,13 @@
-"""How brightly a material shines: an estimate from its shader nodes, to rank emissive meshes by.
+"""How brightly materials and the nodes of lamps shine: an estimate from shader nodes, to rank lights by.
 
-As Cycles' own estimate (`output_estimate_emission` in scene/shader.cpp), which decides what is sampled as a light: a
-linked colour or strength that only rendering could tell counts as 1, mixed shaders by their factor. Numbers that are
-animated count at their highest key.
+For materials it is Cycles' own (`output_estimate_emission` in scene/shader.cpp), which decides what is sampled as a
+light: a linked colour or strength that only rendering could tell counts as 1, mixed shaders by their factor. Numbers
+that are animated count at their highest key. Of lamps profiles (IES), falloffs and products are looked into as well.
 """
 
 from __future__ import annotations
 
+from .ies import peak_strength
 from .node_numbers import number, source
 
 # Cycles samples emission on its own account ("Auto") above this radiance [W/(m^2 sr)].
@@ -23,36 +24,70 @@ def sampled_radiance(material) -> float:
     output = tree.get_output_node("CYCLES") if tree else None
     if output is None or material.cycles.emission_sampling == "NONE":
         return 0.0
-    found = max(_radiance(material, output.inputs["Surface"], ()))
+    found = max(_radiance(material, output.inputs["Surface"], (), _strength))
     return found if found > LEAST_SAMPLED or material.cycles.emission_sampling != "AUTO" else 0.0
 
 
-def _radiance(material, socket, groups) -> tuple[float, float, float]:
-    """Linear RGB that comes in at a shader socket within `groups`."""
+def lamp_factor(light) -> tuple[float, float, float]:
+    """What the nodes of a lamp multiply its light with at most, linear RGB."""
+    tree = light.node_tree
+    if tree is None:
+        return 1.0, 1.0, 1.0
+    output = tree.get_output_node("CYCLES")
+    return _radiance(light, output.inputs["Surface"], (), _strength_of_lamp) if output else (0.0, 0.0, 0.0)
+
+
+def _radiance(holder, socket, groups, strength_of) -> tuple[float, float, float]:
+    """Linear RGB that comes in at a shader socket within `groups`; strength_of: estimates a strength."""
+
+    def radiance(entry):
+        return _radiance(holder, entry, groups, strength_of)
+
+    def emission(colour, strength):
+        peak = strength_of(holder, strength, groups)
+        return tuple(peak * channel for channel in _colour(colour, groups))
+
     end, groups = source(socket, groups)
     node = end.node if end is not None and end.is_output else None
     if node is None:
         return 0.0, 0.0, 0.0
     if node.bl_idname == "ShaderNodeEmission":
-        return _emission(material, node.inputs["Color"], node.inputs["Strength"], groups)
+        return emission(node.inputs["Color"], node.inputs["Strength"])
     if node.bl_idname == "ShaderNodeBsdfPrincipled":
-        return _emission(material, node.inputs["Emission Color"], node.inputs["Emission Strength"], groups)
+        return emission(node.inputs["Emission Color"], node.inputs["Emission Strength"])
     if node.bl_idname == "ShaderNodeAddShader":
-        first, second = (_radiance(material, entry, groups) for entry in node.inputs)
+        first, second = (radiance(entry) for entry in node.inputs)
         return tuple(a + b for a, b in zip(first, second, strict=True))
     if node.bl_idname == "ShaderNodeMixShader":
         factor, *shaders = node.inputs
-        known = number(material, factor, groups)
+        known = number(holder, factor, groups)
         weights = (1.0, 1.0) if known is None or known.moves else (1.0 - known.value, known.value)
-        first, second = (_radiance(material, entry, groups) for entry in shaders)
+        first, second = (radiance(entry) for entry in shaders)
         return tuple(weights[0] * a + weights[1] * b for a, b in zip(first, second, strict=True))
     return 0.0, 0.0, 0.0
 
 
-def _emission(material, colour, strength, groups):
-    end, _ = source(colour, groups)
+def _colour(socket, groups):
+    end, _ = source(socket, groups)
     is_plain = end is not None and (not end.is_output or end.node.bl_idname == "ShaderNodeRGB")
-    tint = tuple(end.default_value)[:3] if is_plain else (UNKNOWN,) * 3
-    known = number(material, strength, groups)
-    peak = UNKNOWN if known is None or known.moves and known.peak <= 0.0 else known.peak
-    return tuple(peak * channel for channel in tint)
+    return tuple(end.default_value)[:3] if is_plain else (UNKNOWN,) * 3
+
+
+def _strength(holder, socket, groups) -> float:
+    known = number(holder, socket, groups)
+    return UNKNOWN if known is None or known.moves and known.peak <= 0.0 else known.peak
+
+
+def _strength_of_lamp(light, socket, groups) -> float:
+    """As `_strength`; nodes that make light fall off otherwise than with distance squared count as at one metre."""
+    end, inner = source(socket, groups)
+    node = end.node if end is not None and end.is_output else None
+    kind = node.bl_idname if node else ""
+    if kind == "ShaderNodeTexIES":
+        return peak_strength(node) * _strength_of_lamp(light, node.inputs["Strength"], inner)
+    if kind == "ShaderNodeLightFalloff":
+        return _strength_of_lamp(light, node.inputs["Strength"], inner)
+    if kind == "ShaderNodeMath" and node.operation == "MULTIPLY":
+        first, second = node.inputs[:2]
+        return _strength_of_lamp(light, first, inner) * _strength_of_lamp(light, second, inner)
+    return _strength(light, socket, groups)

@@ -10,6 +10,7 @@ from math import atan, pi, sin, tan
 import numpy as np
 
 from . import size
+from .emission import lamp_factor
 
 NEAREST = 1e-3  # metres; a point light inside the bounds still gets a finite number
 
@@ -21,7 +22,8 @@ def irradiance(lamp, low: np.ndarray, high: np.ndarray, energy: float) -> float:
 
 def irradiances(lamp, low: np.ndarray, high: np.ndarray, energy: float) -> np.ndarray:
     """Irradiance [W/m^2] of light object `lamp` on each of the boxes, (n,)."""
-    flux = energy * max(tint(lamp.data)) * _flux_factor(lamp)
+    colours = zip(tint(lamp.data), lamp_factor(lamp.data), strict=True)
+    flux = energy * max(first * second for first, second in colours) * _flux_factor(lamp)
     if lamp.data.type == "SUN":
         return np.full(len(low), flux)
     position = np.array(lamp.matrix_world.translation)

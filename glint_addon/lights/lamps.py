@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..motion import copies_others, has_fixed_box, is_fixed
 from ..nodes.glint_lights import KIND_LOCAL, KIND_SUN
 from .animation import is_animated, peak_value
+from .emission import lamp_factor
 from .hint import Hint
 from .irradiance import irradiance, tint
 from .receivers import lit_objects, world_bounds
@@ -57,6 +58,7 @@ def reason_to_skip(lamp) -> str:
     checks = (
         (light.energy <= 0 and not _may_shine_later(light), "its energy is zero or negative"),
         (max(tint(light)) <= 0 and not is_animated(light, "color"), "its colour is black"),
+        (max(lamp_factor(light)) <= 0 and not _has_moving_nodes(light), "its nodes send out no light"),
         (not lamp.visible_glossy, "not visible to glossy rays"),
         (light.type == "AREA" and light.cycles.is_portal, "a portal, which sends out no light of its own"),
         (half_angle > SOFT_HALF_ANGLE and not is_animated(light, "angle"), TOO_SOFT),
@@ -69,6 +71,10 @@ def lamp_hint(name, lamp, boxes, **where) -> Hint:
     kind = KIND_SUN if lamp.data.type == "SUN" else KIND_LOCAL
     power = irradiance(lamp, *boxes, peak_value(lamp.data, "energy"))
     return Hint(name, kind, power, light_size(lamp), **where)
+
+
+def _has_moving_nodes(light) -> bool:
+    return light.node_tree is not None and light.node_tree.animation_data is not None
 
 
 def _may_shine_later(light) -> bool:
