@@ -46,10 +46,11 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
 
     Closing it early, or an exception, leaves scene and disk as they were.
     """
-    groups = scene_glint_groups(scene)
+    found = _uses(scene)
+    groups = _by_name(found)
     report = {"hints": [], "skipped_lights": [], "hints_by_material": {}, "left_by_material": {}, "baked": [],
               "reused": [], "unseen": [], "levels": {}, "mip_levels": [], "osl": osl_available(),
-              "device": _device(scene), "warnings": _warnings(scene, groups),
+              "device": _device(scene), "warnings": _warnings(scene, groups) + _linked_warnings(found),
               "counts": dict.fromkeys(COUNTS, 0)}
     # What is linked from another file cannot be changed here; a warning says so.
     groups = [group for group in groups if group.library is None]
@@ -57,7 +58,7 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
         return report
 
     # Leave out what nobody sees; a table that is there already stays in use and up to date.
-    uses = {group: pairs for group, pairs in _uses(scene).items() if group in groups}
+    uses = {group: pairs for group, pairs in found.items() if group in groups}
     with_unseen = _setting(scene, "bake_unseen", bake_unseen, False)
     unseen = set() if with_unseen else _unseen_groups(scene, uses)
     left_out = [group for group in groups if group in unseen and not group["glint_table"]]
@@ -96,8 +97,11 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
 
 def scene_glint_groups(scene) -> list[bpy.types.ShaderNodeTree]:
     """Glint BSDF groups with a map on objects that `scene` renders; each once, by name."""
-    groups = {group.name_full: group for group in _uses(scene)}
-    return [groups[name] for name in sorted(groups)]
+    return _by_name(_uses(scene))
+
+
+def _by_name(groups) -> list:
+    return sorted(groups, key=lambda group: group.name_full)
 
 
 def _share_closures(materials):
@@ -192,11 +196,22 @@ def _warnings(scene, groups) -> list[str]:
         warnings.append("Simplify scales textures down, which garbles the glint tables: set their resolution to 1.")
     for group in groups:
         image = group["glint_image"]
-        if group.library is not None:
-            warnings.append(
-                f'"{group.name}" is linked from {group.library.filepath} and keeps the noise of Blender\'s own nodes: '
-                "make it local with Object > Relations > Make Local > All."
-            )
-        elif is_missing(image):
+        if group.library is None and is_missing(image):
             warnings.append(f'The normal map "{image.name}" is missing: find it with File > External Data.')
     return warnings
+
+
+def _linked_warnings(uses) -> list[str]:
+    """Sentences on glints of other files, which cannot be prepared here; one for each material."""
+    return sorted({_linked_words(material.name, group) for group, pairs in uses.items() if group.library is not None
+                   for _, material in pairs})
+
+
+def _linked_words(name, group) -> str:
+    linked = f'The glints of "{name}" are linked from {group.library.filepath}'
+    local = "make them local with Object > Relations > Make Local > All"
+    if not group["glint_table"]:
+        return (f"{linked}, where they were not prepared, and have the noise of Blender's own nodes: "
+                f"prepare them in that file, or {local}.")
+    return (f"{linked}, where they were prepared, and look for the lights of that file alone: "
+            f"to prepare them for the lights of this scene, {local}.")
