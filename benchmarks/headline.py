@@ -8,6 +8,7 @@ from statistics import median
 from .law import Law, fitted_law, samples_to
 
 HEADLINE_SPP = 4  # samples of the lobe whose error Blender's nodes are to reach
+FIRST_SPP = 1  # the same for one sample, which Cycles puts in the pixel's middle: its footprint covers the pixel best
 BIAS_SPP = 64  # samples at which its energy is judged; the largest measured if there are fewer
 
 
@@ -16,7 +17,8 @@ class Headline:
     """Of one scene. Seconds without start-up, errors relative, microseconds a sample of one thread.
 
     error: the lobe's at HEADLINE_SPP, never below the truth's own noise, under which nothing is known;
-    nodes_seconds: what Blender's nodes take to `error`; extrapolated, by their law: beyond what was measured.
+    nodes_seconds: what Blender's nodes take to `error`; extrapolated, by their law: beyond what was measured;
+    first_speed_up, first_extrapolated: the speed-up at FIRST_SPP.
     """
 
     scene: str
@@ -33,6 +35,8 @@ class Headline:
     lobe_microseconds: float
     nodes_microseconds: float
     nodes_osl_microseconds: float
+    first_speed_up: float
+    first_extrapolated: bool
 
     @property
     def speed_up(self) -> float:
@@ -48,20 +52,22 @@ def headline(name, result) -> Headline:
     """The headline figures of the stored result of scene `name`. ValueError: rows that it needs are missing."""
     nodes = [row for row in result["rows"] if row["method"] == "nodes"]
     lobe = {row["spp"]: row for row in result["rows"] if row["method"] == "lobe"}
-    if len(nodes) < 2 or HEADLINE_SPP not in lobe:
+    if len(nodes) < 2 or HEADLINE_SPP not in lobe or FIRST_SPP not in lobe:
         raise ValueError(f"The result of {name} is incomplete: run python -m benchmarks run --only {name}.")
-    shown = lobe[HEADLINE_SPP]
+    shown, first = lobe[HEADLINE_SPP], lobe[FIRST_SPP]
     law = fitted_law([(row["spp"], row["seeds"], row["rmse"]) for row in nodes])
-    error = max(shown["rmse"], result["truth"]["noise"])
-    spp = samples_to(law, error)
+    error, first_error = (max(row["rmse"], result["truth"]["noise"]) for row in (shown, first))
     most = max(nodes, key=lambda row: row["spp"])
+    sample_seconds = most["seconds"] / most["spp"]
     judged = lobe[BIAS_SPP if BIAS_SPP in lobe else max(lobe)]
     return Headline(
         name, result["texels"], result["small_lights"], error, shown["seconds"],
-        nodes_seconds=spp * most["seconds"] / most["spp"], extrapolated=error < min(law.rmse), law=law,
+        nodes_seconds=samples_to(law, error) * sample_seconds, extrapolated=error < min(law.rmse), law=law,
         bias=judged["bias"], bias_spp=judged["spp"], bias_noise=judged["bias_noise"],
         lobe_microseconds=shown["microseconds"], nodes_microseconds=most["microseconds"],
         nodes_osl_microseconds=result["nodes_osl_microseconds"],
+        first_speed_up=samples_to(law, first_error) * sample_seconds / first["seconds"],
+        first_extrapolated=first_error < min(law.rmse),
     )
 
 
@@ -75,6 +81,11 @@ def median_speed_up(lines) -> tuple[float, bool]:
     ordered = sorted(lines, key=lambda line: line.speed_up)
     middle = ordered[(len(ordered) - 1) // 2 : len(ordered) // 2 + 1]
     return median(line.speed_up for line in ordered), any(line.extrapolated for line in middle)
+
+
+def median_first_speed_up(lines) -> tuple[float, bool]:
+    """The median speed-up at FIRST_SPP, and whether any was extrapolated."""
+    return median(line.first_speed_up for line in lines), any(line.first_extrapolated for line in lines)
 
 
 def worst_speed_up(lines) -> Headline:

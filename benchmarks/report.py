@@ -6,7 +6,7 @@ from importlib import import_module
 from statistics import median
 
 from . import headline, methods, plots
-from .headline import BIAS_SPP, HEADLINE_SPP
+from .headline import BIAS_SPP, FIRST_SPP, HEADLINE_SPP
 from .record import RESULTS, ROOT, machine_line, read_json
 from .run import FILE
 
@@ -71,6 +71,7 @@ def headline_table(lines, results) -> str:
         (f"time of Blender's nodes to Glint's error at {HEADLINE_SPP} spp / Glint's time: median", _median_text),
         ("the same, worst scene", lambda chosen: _scene_text(headline.worst_speed_up(chosen))),
         ("the same, best scene", lambda chosen: _scene_text(headline.best_speed_up(chosen))),
+        (f"the same at {FIRST_SPP} spp, whose sample lies in the pixel's middle: median", _first_text),
         (f"worst energy bias of Glint at {BIAS_SPP} spp, with its own uncertainty", _bias_text),
         ("cost of a sample of Glint / of Blender's nodes under OSL: median, worst", _sample_text),
     )
@@ -99,13 +100,14 @@ def scene_table(lines) -> str:
     """Markdown: one line for each scene, how long Blender's nodes take to the lobe's error."""
     rows = [
         ("scene", "texels a pixel", f"Glint {HEADLINE_SPP} spp: error", "seconds", "nodes: seconds to it", "ratio",
-         "nodes' exponent", "bias at 64 spp", "µs a sample: Glint", "nodes, OSL", "nodes"),
-        ("---", *["---:"] * 10),
+         f"ratio at {FIRST_SPP} spp", "nodes' exponent", "bias at 64 spp", "µs a sample: Glint", "nodes, OSL", "nodes"),
+        ("---", *["---:"] * 11),
     ]
     for line in lines:
         rows.append((
             line.scene + ("" if line.small_lights else " (large lights)"), f"{line.texels:g}", f"{line.error:.3f}",
-            f"{line.lobe_seconds:.3f}", f"{line.nodes_seconds:.3g}{_mark(line)}", f"{line.speed_up:.3g}{_mark(line)}",
+            f"{line.lobe_seconds:.3f}", _starred(line.nodes_seconds, line.extrapolated),
+            _starred(line.speed_up, line.extrapolated), _starred(line.first_speed_up, line.first_extrapolated),
             f"{line.law.exponent:.2f}", _bias(line), f"{line.lobe_microseconds:.2f}",
             f"{line.nodes_osl_microseconds:.2f}", f"{line.nodes_microseconds:.2f}",
         ))
@@ -158,8 +160,8 @@ def _about(result):
             f"{machine_line(result['machine'])}")
 
 
-def _mark(line):
-    return "\\*" if line.extrapolated else ""
+def _starred(value, extrapolated):
+    return f"{value:.3g}" + ("\\*" if extrapolated else "")
 
 
 def _median_text(lines):
@@ -167,8 +169,12 @@ def _median_text(lines):
     return f"**{value:.3g}**" + ("\\*" if extrapolated else "")
 
 
+def _first_text(lines):
+    return _starred(*headline.median_first_speed_up(lines))
+
+
 def _scene_text(line):
-    return f"{line.speed_up:.3g}{_mark(line)} ({line.scene})"
+    return f"{_starred(line.speed_up, line.extrapolated)} ({line.scene})"
 
 
 def _bias(line):

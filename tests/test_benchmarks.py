@@ -120,6 +120,9 @@ def test_the_speed_up_is_the_nodes_time_to_the_lobes_error():
     assert not line.extrapolated
     assert (line.bias, line.bias_spp) == (pytest.approx(0.064), 64)
     assert line.sample_ratio == pytest.approx(12.5 / 2.5)
+    # At one sample error 0.2 takes 100 samples; the lobe 12.5 ms.
+    assert line.first_speed_up == pytest.approx(8.0)
+    assert not line.first_extrapolated
 
 
 def test_beyond_the_largest_budget_the_speed_up_is_marked_and_never_below_the_truths_noise():
