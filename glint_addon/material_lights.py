@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import inf
 
 from .lights.choice import Choice, boxes_over, choose, chosen_frames, noise_in_remainder
-from .lights.receivers import lit_objects
+from .lights.receivers import copied_places, lit_objects
 from .nodes.glint_bsdf import is_glint_group
 from .reach import facets_of, judgements
 from .views import scene_views
@@ -71,6 +71,7 @@ def _nodes(material) -> list:
 def material_choices(scene, families, found) -> list[Choice]:
     """What each family looks for of the hints `found`."""
     frames, views = chosen_frames(scene), scene_views(scene)
+    copied = copied_places(scene, [layer for layer in scene.view_layers if layer.use])
     everything = {thing for family in families for thing in family.objects}
     lit = {hint: set(_lit(hint, everything)) for hint in found}
     chosen = []
@@ -82,7 +83,7 @@ def material_choices(scene, families, found) -> list[Choice]:
             shared.setdefault(tuple(thing for thing in family.objects if thing in lit[hint]), []).append(hint)
         values, reached = {}, set()
         for objects, hints in shared.items():
-            boxes = boxes_over(objects, frames)
+            boxes = boxes_over(objects, frames, copied)
             judged = judgements(scene, views, objects, facets, hints)
             for hint in hints:
                 values[hint] = noise_in_remainder(hint, boxes, frames, alpha)

@@ -200,7 +200,7 @@ def test_glints_of_a_library_stay_as_they_are_and_one_sentence_says_so(bring, pr
     assert picture.max() > 0
 
 
-@pytest.mark.parametrize("bring", [material, overridden_material, overridden_square])
+@pytest.mark.parametrize("bring", [square_in_an_instance, material, overridden_material, overridden_square])
 def test_what_the_sentence_tells_to_do_helps(bring, tmp_path):
     make_library(tmp_path)
     shot = make_shot(tmp_path, own_glints=False)

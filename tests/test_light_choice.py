@@ -314,3 +314,22 @@ def is_mirrored(hint, camera, points, normals, facets, radius, angle) -> bool:
     length = np.linalg.norm(total, axis=1)
     tilt = np.arccos(np.clip(np.abs((total * normals).sum(axis=1)) / length, 0.0, 1.0))
     return bool((tilt < math.atan(facets.slope) + REGION * facets.alpha + size / length).any())
+
+
+@pytest.mark.parametrize("count", [1, 200])
+def test_lights_are_judged_where_instances_show_the_glints_and_not_where_their_collection_has_them(
+        scene, flake_map, count):
+    cycles.add_camera(scene, (APART, -1, 6), (APART, 0, 0), angle=1.0)
+    plane = glinting_plane(scene, flake_map, "Shown")
+    collection = bpy.data.collections.new("Shown")
+    collection.objects.link(plane)
+    scene.collection.objects.unlink(plane)
+    for number in range(count):
+        empty = bpy.data.objects.new("Empty", None)
+        empty.instance_type, empty.instance_collection = "COLLECTION", collection
+        empty.location.x = APART + 0.01 * number
+        scene.collection.objects.link(empty)
+    for number in range(8):
+        add_lamp(scene, f"Aside {number}", (0.1 * number, 0.5, 3))
+        add_lamp(scene, f"There {number}", (APART + 0.1 * number, 0.5, 3))
+    assert prepare_scene(scene)["hints"] == [f"There {number}" for number in range(8)]

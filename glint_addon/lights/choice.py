@@ -114,15 +114,21 @@ def noise_in_remainder(hint: Hint, boxes: Boxes, frames, alpha: float) -> float:
     return NEVER if value == 0.0 and boxes.are_fixed and not hint.instance and is_fixed(lamp) else value
 
 
-def boxes_over(objects, frames) -> Boxes:
-    """Boxes of objects at the `frames`; one whose place cannot be told is where the middle of the others is."""
-    known = {thing: places(thing, frames) for thing in objects}
-    boxes = [_box_over(thing, matrices) for thing, matrices in known.items() if matrices is not None]
+def boxes_over(objects, frames, copied=None) -> Boxes:
+    """Boxes of objects at the `frames`; one whose place cannot be told is where the middle of the others is.
+
+    copied: `receivers.copied_places` of those that have copies, which are taken to stay where they are.
+    """
+    copied = {thing: copied[thing] for thing in objects if thing in copied} if copied else {}
+    known = {thing: places(thing, frames) for thing in objects if thing not in copied}
+    placed = [(thing, matrices) for thing, matrices in known.items() if matrices is not None]
+    placed += [(thing, np.tile(each, (len(frames), 1, 1))) for thing in copied for each in copied[thing]]
+    boxes = [_box_over(thing, matrices) for thing, matrices in placed]
     low, high = (np.array([box[side] for box in boxes]).reshape(-1, len(frames), 3) for side in (0, 1))
-    if len(boxes) < len(known):
+    if any(matrices is None for matrices in known.values()):
         middle = (low.min(axis=0) + high.max(axis=0)) / 2 if boxes else np.zeros((len(frames), 3))
         low, high = np.append(low, middle[None], axis=0), np.append(high, middle[None], axis=0)
-    return Boxes(low, high, all(has_fixed_box(thing) for thing in objects))
+    return Boxes(low, high, not copied and all(has_fixed_box(thing) for thing in objects))
 
 
 def chosen_frames(scene) -> np.ndarray:

@@ -13,7 +13,7 @@ from .emitters import mesh_emitters
 from .hint import Hint
 from .instances import instance_hints
 from .lamps import lamp_hints
-from .receivers import glint_objects, world_bounds
+from .receivers import copied_places, glint_objects, world_bounds
 from .world import world_hints
 
 
@@ -33,9 +33,9 @@ def scene_candidates(scene, view_layer=None) -> tuple[list[Hint], list[tuple[str
     layers = [view_layer] if view_layer else [layer for layer in scene.view_layers if layer.use]
     for layer in layers:
         layer.update()
-    shown = shown_objects(layers)
-    receivers = glint_objects(shown)
-    bounds = world_bounds(receivers or [thing for thing in shown if thing.type == "MESH"])
+    shown, copied = shown_objects(layers), copied_places(scene, layers)
+    receivers = glint_objects([*shown, *sorted(copied.keys() - set(shown), key=lambda thing: thing.name_full)])
+    bounds = world_bounds(receivers or [thing for thing in shown if thing.type == "MESH"], copied)
     return candidates(scene, layers, receivers, bounds)
 
 

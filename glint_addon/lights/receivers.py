@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..motion import copies_others
 from ..nodes.glint_bsdf import is_glint_group
+
+MOST_COPIES = 64  # of an object: lights are ranked by where it is, and the next copy is near
 
 
 def glint_objects(objects) -> list:
@@ -28,12 +31,32 @@ def _uses_glints(tree, known) -> bool:
     return known[tree]
 
 
-def world_bounds(objects) -> tuple[np.ndarray, np.ndarray]:
-    """Low and high corners, (n, 3) each, of the objects' boxes in world space, in metres; the origin for no objects."""
+def copied_places(scene, layers) -> dict:
+    """World matrices {object: [(4, 4), ...]} of all objects of which the view layers show copies, at the present frame;
+    also of the object itself where it is in the scene, and of a part of its copies where they are many."""
+    if not any(copies_others(thing) for thing in scene.objects):
+        return {}
+    own, found = set(scene.objects), {}
+    for layer in layers:
+        for entry in layer.depsgraph.object_instances:
+            if entry.is_instance and entry.show_self:
+                source = entry.instance_object.original
+                found.setdefault(source, [source.matrix_world] if source in own else []).append(
+                    entry.matrix_world.copy())
+    return {thing: [np.array(matrix) for matrix in matrices[::1 + len(matrices) // MOST_COPIES]]
+            for thing, matrices in found.items()}
+
+
+def world_bounds(objects, copied=None) -> tuple[np.ndarray, np.ndarray]:
+    """Low and high corners, (n, 3) each, of the objects' boxes in world space, in metres; the origin for no objects.
+
+    copied: `copied_places` of those that have copies.
+    """
     if not objects:
         return np.zeros((1, 3)), np.zeros((1, 3))
-    corners = np.array([np.array(thing.bound_box) for thing in objects])
-    matrices = np.array([np.array(thing.matrix_world) for thing in objects])
+    pairs = [(np.array(thing.bound_box), np.array(matrix)) for thing in objects
+             for matrix in (copied or {}).get(thing, [thing.matrix_world])]
+    corners, matrices = (np.array(side) for side in zip(*pairs, strict=True))
     world = corners @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
     return world.min(axis=1), world.max(axis=1)
 
