@@ -10,18 +10,12 @@ from glint_addon.bake import counts, float_image, slope_counts, table
 from glint_addon.bake.normal_map import decoded_normals
 from glint_addon.bake.openimageio import oiio
 from glint_addon.errors import TableError
+from tests.helpers.normals import random_normals
 
 INTERPOLATIONS = ("CLOSEST", "LINEAR")
 SIZES = [(100, 37), (37, 100), (1, 300), (200, 1), (1, 1), (128, 64), (131, 129)]  # width, height
 BYTES_A_TEXEL = 16  # of the issue's 40; the table of normals takes the rest
 LEAST_REPORTS = 20  # of progress, in a bake of 1024^2 or more
-
-
-def random_normals(width, height, seed=1):
-    """Normals of any length around +z, some below the horizon; all float32 digits used."""
-    normals = np.random.default_rng(seed).normal(0.0, 0.3, (height, width, 3))
-    normals[..., 2] += 0.6
-    return normals.astype(np.float32)
 
 
 def whole_range(normals, interpolation):

@@ -13,6 +13,7 @@ from glint_addon.errors import CancelledError
 from glint_addon.material import glint_groups
 from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
 from tests.helpers import counters, cycles
+from tests.helpers.normals import random_normals
 
 INTERPOLATIONS = ("CLOSEST", "LINEAR")
 SIZES = [(100, 37), (37, 100), (1, 70), (32, 32), (64, 96), (33, 31)]  # width, height
@@ -25,13 +26,6 @@ LARGEST_SHARE = 0.6  # of the elements under a footprint that are visited, with 
 # roulette of closures lighter than 2e-5, which comes out otherwise.
 FAINT = 0.1  # of the mean: below, a pixel's difference counts as that of one so bright
 MEDIAN_DIFFERENCE, MEAN_DIFFERENCE, ROULETTE = 1e-4, 1e-3, 0.06
-
-
-def random_normals(width, height, seed=1):
-    """Normals of any length around +z, some below the horizon."""
-    normals = np.random.default_rng(seed).normal(0.0, 0.3, (height, width, 3))
-    normals[..., 2] += 0.8
-    return normals.astype(np.float32)
 
 
 def records(normals, interpolation):

@@ -23,14 +23,13 @@ because Cycles fetches exactly only at (i + 0.5) / 2^n. Texel t of the list lies
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import TableError
-from .float_image import list_shape, stored_pairs, write_whole
+from .float_image import content_digest, list_shape, stored_pairs, write_whole
 from .progress import Steps
 from .slope_counts import group_counts, slope_box
 
@@ -132,9 +131,8 @@ def counts_texels(normals, interpolation: str, levels: tuple[int, int], box, pro
 
 def counts_name(normals: np.ndarray, interpolation: str, levels: tuple[int, int]) -> str:
     """File name by content and levels: the same normals give the same name on every machine."""
-    digest = hashlib.sha256(f"glint counts {VERSION} {interpolation} {normals.shape}".encode())
-    digest.update(np.ascontiguousarray(normals, dtype=np.float32).data)
-    return f"glint_{digest.hexdigest()[:24]}_{levels[0]}_{levels[1]}{SUFFIX}"
+    digest = content_digest(f"glint counts {VERSION} {interpolation} {normals.shape}", normals)
+    return f"glint_{digest}_{levels[0]}_{levels[1]}{SUFFIX}"
 
 
 def bake_counts(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,13 @@ class PixelRows:
 
     def __getitem__(self, part: slice) -> np.ndarray:
         return self.rows(part.start, part.stop)
+
+
+def content_digest(heading: str, pixels: np.ndarray) -> str:
+    """Part of a file's name that says what is in it: the same heading and float32 pixels give the same everywhere."""
+    digest = hashlib.sha256(heading.encode())
+    digest.update(np.ascontiguousarray(pixels, dtype=np.float32).data)
+    return digest.hexdigest()[:24]
 
 
 def list_shape(texels: int) -> tuple[int, int]:

@@ -16,13 +16,12 @@ light. A level's side is half the one below, rounded up.
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import MapError, TableError
-from .float_image import write_whole
+from .float_image import content_digest, write_whole
 
 MAGIC = 5344.0  # exact in half floats; any number that no mean of alphas reaches
 BORDER = 1  # texels around each level; bilinear interpolation looks no further
@@ -162,9 +161,8 @@ def atlas(pyramid: list[np.ndarray]) -> np.ndarray:
 
 def pyramid_name(stored: np.ndarray, *, encoded: bool, associated: bool, half: bool) -> str:
     """File name by content: the same image gives the same name on every machine."""
-    digest = hashlib.sha256(f"glint pyramid {VERSION} {stored.shape} {encoded} {associated} {half}".encode())
-    digest.update(np.ascontiguousarray(stored, dtype=np.float32).data)
-    return f"image_{digest.hexdigest()[:24]}.exr"
+    digest = content_digest(f"glint pyramid {VERSION} {stored.shape} {encoded} {associated} {half}", stored)
+    return f"image_{digest}.exr"
 
 
 def bake_pyramid(stored: np.ndarray, folder, *, encoded: bool, associated: bool, half: bool = False, name="image"):

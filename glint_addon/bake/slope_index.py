@@ -24,13 +24,12 @@ RECORD (j columns + i) on:
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from .float_image import list_shape, write_whole
+from .float_image import content_digest, list_shape, write_whole
 from .progress import Steps
 from .slope_counts import LARGEST_SLOPE
 
@@ -80,9 +79,8 @@ def index_texels(normals: np.ndarray, interpolation: str, progress=None) -> np.n
 
 def index_name(normals: np.ndarray, interpolation: str) -> str:
     """File name by content: the same normals give the same name on every machine."""
-    digest = hashlib.sha256(f"glint index {VERSION} {interpolation} {normals.shape}".encode())
-    digest.update(np.ascontiguousarray(normals, dtype=np.float32).data)
-    return f"glint_{digest.hexdigest()[:24]}_index{SUFFIX}"
+    digest = content_digest(f"glint index {VERSION} {interpolation} {normals.shape}", normals)
+    return f"glint_{digest}_index{SUFFIX}"
 
 
 def bake_index(

@@ -15,13 +15,12 @@ of two, because Cycles fetches exactly only at (i + 0.5) / 2^n.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from .float_image import PixelRows, write_whole
+from .float_image import PixelRows, content_digest, write_whole
 from .progress import Steps
 
 MAGIC = 7919.0  # any number that no filtered alpha can reach by accident
@@ -92,9 +91,8 @@ def table_pixels(normals: np.ndarray, interpolation: str) -> np.ndarray:
 
 def table_name(normals: np.ndarray, interpolation: str) -> str:
     """File name by content: the same normals give the same name on every machine."""
-    digest = hashlib.sha256(f"glint table {VERSION} {interpolation} {normals.shape}".encode())
-    digest.update(np.ascontiguousarray(normals, dtype=np.float32).data)
-    return f"glint_{digest.hexdigest()[:24]}{SUFFIX}"
+    digest = content_digest(f"glint table {VERSION} {interpolation} {normals.shape}", normals)
+    return f"glint_{digest}{SUFFIX}"
 
 
 def bake_table(

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import bpy
 import numpy as np
 import pytest
@@ -12,8 +9,8 @@ import pytest
 import glint_addon
 from demo_scenes.maps import blender_image
 from demo_scenes.truth import truth_material
-from glint_addon.bake.openimageio import oiio
 from tests.helpers import cycles
+from tests.helpers.passes import rendered_passes
 from tests.helpers.stress import FLOOR, SURFACE, compare, gentle_bumps
 from tests.helpers.stress_stage import add_lamp, add_sky, add_wall, diffuse_material, sunny_square
 
@@ -184,10 +181,6 @@ def test_view_layer(stress_record, override):
     assert outcome.report["hints"] == ["Sun"]
 
 
-LIGHT_PASSES = ["Environment", "Emission"]
-LIGHT_PASSES += [f"{kind}{part}" for kind in ("Diffuse", "Glossy") for part in (" Direct", " Indirect", " Color")]
-
-
 def test_passes_add_up_to_the_picture(stress_record):
     """Direct and indirect light times colour, world and emission: the picture, pixel by pixel."""
     scene = lobe_scene(room, spp=32)
@@ -195,7 +188,7 @@ def test_passes_add_up_to_the_picture(stress_record):
     for name in ("diffuse_direct", "diffuse_indirect", "diffuse_color", "glossy_direct", "glossy_indirect",
                  "glossy_color", "environment", "emit", "normal", "z", "mist"):
         setattr(layer, f"use_pass_{name}", True)
-    passes = rendered_passes(scene)
+    passes = {name: pixels[0, ..., :3] for name, pixels in rendered_passes(scene, spp=32, count=1).items()}
     assert all(np.isfinite(pixels).all() for pixels in passes.values())
     total = passes["Environment"] + passes["Emission"]
     for kind in ("Diffuse", "Glossy"):
@@ -203,24 +196,3 @@ def test_passes_add_up_to_the_picture(stress_record):
     assert passes["Glossy Direct"].max() > 0
     np.testing.assert_allclose(total, passes["Combined"], rtol=1e-3, atol=1e-3 * passes["Combined"].max())
     stress_record(outcome="agrees", nodes=passes["Combined"].mean(), lobe=total.mean(), note="passes add up")
-
-
-def rendered_passes(scene) -> dict[str, np.ndarray]:
-    """Every colour pass of a render, name -> (height, width, 3)."""
-    settings = scene.render.image_settings
-    settings.media_type, settings.color_depth = "MULTI_LAYER_IMAGE", "32"
-    settings.file_format = "OPEN_EXR_MULTILAYER"
-    with tempfile.TemporaryDirectory() as folder:
-        scene.render.filepath = str(Path(folder) / "passes.exr")
-        bpy.ops.render.render(write_still=True, scene=scene.name)
-        passes = {}
-        part = 0
-        while (image := oiio.ImageBuf(scene.render.filepath, part, 0)).initialized and image.nchannels:
-            pixels = np.asarray(image.get_pixels(oiio.FLOAT))
-            names = [name.split(".") for name in image.spec().channelnames]
-            for wanted in ["Combined", *LIGHT_PASSES]:
-                channels = [next((k for k, name in enumerate(names) if name[-2:] == [wanted, c]), None) for c in "RGB"]
-                if None not in channels:
-                    passes[wanted] = pixels[..., channels]
-            part += 1
-    return passes
