@@ -187,6 +187,10 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
     s.merged = 0;
     s.limit = closure_limit(lobes);
     s.cells = hint_cells(hint_count * lobes);
+    s.alpha = alpha;
+    float off = CELLS_OFF * sqrt(shift[1]);
+    s.middle_1 = off * cos(M_2PI * shift[2]);
+    s.middle_2 = off * sin(M_2PI * shift[2]);
     float total = mode == MODE_INDEX ?
         index_query(map, hints, hint_count, alpha, footprint, hit.u, hit.v, s, visited) :
         glint_query(map, hints, hint_count, alpha, footprint, mode, hit.u, hit.v, shift[0], shift[1], s, visited);

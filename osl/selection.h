@@ -21,6 +21,9 @@ struct Selection {
   int limit;       /* how many may be */
   int merged;      /* whether the cells are in use */
   int cells;       /* cells of each hint, see hint_cells */
+  float alpha;     /* of a facet */
+  float middle_1;  /* where the middle of the cells lies in a wide region of radius 1, see cells_off */
+  float middle_2;
   float weight[CLOSURE_BUDGET];
   float p1[CLOSURE_BUDGET];
   float p2[CLOSURE_BUDGET];
@@ -56,10 +59,25 @@ int hint_cells(int hints)
   return hints == 1 ? 37 : hints <= 3 ? 19 : hints == 4 ? 14 : 7;
 }
 
-/* Cell of the slope p, of `cells` around each hint; radius: of the region. */
-int cell_index(int cells, int hint, float radius, float p1, float p2)
+/* In wide regions, those of wide lights, cells are wider than a facet's lobe. The Gaussian that stands for one has its own
+ * hills and valleys, and a narrow light, a tube or a wire, would always lie at the same place among them: cells are laid
+ * around a random point, up to CELLS_OFF radii off the half vector. Mean error under a tube 2.5, 5, 10, 17 alpha long to
+ * each side, random slopes, by numpy: -0.5, -3.3, -13, -13 % in the middle, -0.1, -0.5, -0.1, -0.2 % with 0.2.
+ * Narrow regions stay as they are: up to the first width, in alpha; all of it from the second on. */
+#define CELLS_OFF 0.2
+#define CELLS_STILL 3.5
+#define CELLS_MOVED 5.0
+
+/* How much of that way the cells of a region are off; radius: of the region. */
+float cells_off(float radius, float alpha)
 {
-  float r = sqrt(p1 * p1 + p2 * p2) / radius;
+  return clamp((radius / max(alpha, 1e-6) - CELLS_STILL) / (CELLS_MOVED - CELLS_STILL), 0.0, 1.0);
+}
+
+/* Which of `cells` around each hint has the slope (x, y), in radii of the region from the middle of the cells. */
+int cell_index(int cells, int hint, float x, float y)
+{
+  float r = sqrt(x * x + y * y);
   int first = 0;
   int sectors = 1;
   if (cells == 37) {
@@ -78,12 +96,15 @@ int cell_index(int cells, int hint, float radius, float p1, float p2)
     first = r < 0.37 ? 0 : 1;
     sectors = r < 0.37 ? 1 : 6;
   }
-  int sector = (int)floor((atan2(p2, p1) / M_2PI + 0.5) * sectors);
+  int sector = (int)floor((atan2(y, x) / M_2PI + 0.5) * sectors);
   return hint * cells + first + clamp(sector, 0, sectors - 1);
 }
 
-void add_to_cell(output Selection s, int cell, float weight, float p1, float p2, float c11, float c12, float c22)
+void add_to_cell(output Selection s, int hint, float radius, float weight, float p1, float p2, float c11, float c12,
+                 float c22)
 {
+  float off = cells_off(radius, s.alpha);
+  int cell = cell_index(s.cells, hint, p1 / radius - off * s.middle_1, p2 / radius - off * s.middle_2);
   s.cell_weight[cell] += weight;
   s.cell_p1[cell] += weight * p1;
   s.cell_p2[cell] += weight * p2;
@@ -119,11 +140,10 @@ void select_element(output Selection s, HalfVector hints[8], int hint, float wei
       s.cell_c22[k] = 0;
     }
     for (int k = 0; k < s.limit; ++k) {
-      add_to_cell(s, cell_index(s.cells, s.hint[k], hints[s.hint[k]].radius, s.p1[k], s.p2[k]), s.weight[k], s.p1[k],
-                  s.p2[k], s.c11[k], s.c12[k], s.c22[k]);
+      add_to_cell(s, s.hint[k], hints[s.hint[k]].radius, s.weight[k], s.p1[k], s.p2[k], s.c11[k], s.c12[k], s.c22[k]);
     }
   }
-  add_to_cell(s, cell_index(s.cells, hint, hints[hint].radius, p1, p2), weight, p1, p2, c11, c12, c22);
+  add_to_cell(s, hint, hints[hint].radius, weight, p1, p2, c11, c12, c22);
 }
 
 /* Facets of a normal n reflect by 1 / (n.I), which at grazing views changes across a merged cell: relative to that of the

@@ -438,7 +438,7 @@ def test_every_slope_of_a_region_has_a_cell_of_its_hint():
     inputs, (hints, hint, radius, slopes) = packed(hints, rng.integers(0, hints), radius, slopes)
     osl = evaluate(
         (*MAP_HEADERS, "selection.h"),
-        "out[0] = hint_cells((int)in[0]); out[1] = cell_index((int)out[0], (int)in[1], in[2], in[3], in[4]);",
+        "out[0] = hint_cells((int)in[0]); out[1] = cell_index((int)out[0], (int)in[1], in[3] / in[2], in[4] / in[2]);",
         inputs, 2,
     )
     # All hints' cells fit the budget, and no hint has a cell of another.
