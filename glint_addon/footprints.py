@@ -19,9 +19,9 @@ from .poses import poses, scene_frames
 FOOTPRINT_SCALE = 1.1
 FOOTPRINT_EXPONENT = 0.21
 # Largest side of a block relative to the footprint's short semi-axis, for the shader to count blocks: osl/counts.h. The
-# smallest blocks there are serve nearer footprints too, and long footprints take larger blocks, not more of them.
+# smallest blocks there are serve nearer footprints too, long ones most; these take larger blocks, not more of them.
 FAR_SIDE = 0.6
-FAR_SIDE_FIRST = 1.2
+FAR_SIDE_SUBSET = 2.5
 FAR_SIDE_LONG = 2.0
 # Where bins are too wide for the lobe, blocks this much larger are taken, whose bins are narrower: osl/counts.h.
 NARROWER_BINS = 2.0
@@ -82,10 +82,10 @@ def counts_levels_reached(footprints, width: int, height: int, interpolation: st
     """
     smallest, largest = footprints
     levels = counts_levels(width, height, interpolation)
-    if FAR_SIDE_FIRST * largest < levels[0]:
+    if FAR_SIDE_SUBSET * largest < levels[0]:
         return None
     nearest = [block for block in levels if block <= FAR_SIDE * smallest]
-    farthest = [block for block in levels if block <= NARROWER_BINS * FAR_SIDE_LONG * largest]
+    farthest = [block for block in levels if block <= NARROWER_BINS * max(FAR_SIDE_LONG * largest, levels[0])]
     return max(nearest, default=levels[0]), max(farthest)
 
 

@@ -19,6 +19,9 @@
  * footprint (see own in blocks_under). The first level serves nearer footprints too, rather than none. */
 #define FAR_SIDE 0.6
 #define FAR_SIDE_FIRST 1.2
+/* Larger still where the other answer would be a random subset: footprints so long that blocks see too much on their narrow
+ * side alone. Brushed metal at a grazing view, 16 samples: error 0.136, 16 us a sample; with the subset 0.200, 860 us. */
+#define FAR_SIDE_SUBSET 2.5
 /* Groups that a sample should need; beyond, larger blocks are taken, up to this side relative to the short semi-axis, and of
  * longer footprints as many groups at random. */
 #define FAR_GROUPS 16
@@ -113,14 +116,14 @@ int counts_are_intact(Counts counts, Level level)
   return header[0] == COUNTS_MAGIC && header[1] == counts.first && header[2] == counts.levels;
 }
 
-/* Side of the blocks for a footprint; 0: too near for the counts. */
-int far_block(Counts counts, Footprint footprint)
+/* Side of the blocks for a footprint; 0: too near for the counts, whose blocks may be `widest` short semi-axes wide. */
+int far_block(Counts counts, Footprint footprint, float widest)
 {
   int block = counts.first;
   int last = counts.first << (counts.levels - 1);
   float u_side = 2.0 * hypot(footprint.ux, footprint.uy);
   float v_side = 2.0 * hypot(footprint.vx, footprint.vy);
-  if (block == 0 || block > FAR_SIDE_FIRST * footprint.short_axis) {
+  if (block == 0 || block > widest * footprint.short_axis) {
     return 0;
   }
   while (block < last && (2 * block <= FAR_SIDE * footprint.short_axis ||
@@ -295,11 +298,11 @@ Cells far_cells_of(HalfVector hint, float alpha, int hint_count, Counts counts, 
 }
 
 /* Whether the counts answer for the footprint: by the first level, from the one for its size on, whose bins are narrow enough
- * for all hints. Finds the level and the cells of each hint there. */
+ * for all hints. Finds the level and the cells of each hint there. widest: see far_block. */
 int counts_serve(output Map map, HalfVector hints[8], int hint_count, int lobes, float alpha, Footprint footprint,
-                 vector shift, output Level level, output Cells cells[8])
+                 float widest, vector shift, output Level level, output Cells cells[8])
 {
-  int from = far_block(map.counts, footprint);
+  int from = far_block(map.counts, footprint, widest);
   /* Larger blocks have narrower bins. */
   int last = from == 0 ? 0 : min(2 * from, map.counts.first << (map.counts.levels - 1));
   int fits = 0;

@@ -149,22 +149,33 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
   }
 
   /* Far away counts of blocks, else the elements themselves. The remainder is the sample's own normal, unless it is
-   * among what they select. */
+   * among what they select. More normals, drawn from the footprint, gain nothing: error at 4 samples with 1, 2, 4, 8 in
+   * scenes of the benchmark lit mostly by what is not hinted: interreflection 1.24, 1.17, 1.20, 1.08 (its own spread 0.1),
+   * together 0.74, 0.71, 0.71, 0.71 in 1, 1.09, 1.12, 1.24 of the time. */
   Level level;
   Cells cells[8];
   vector shift = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
   int is_selected = 0;
-  if (counts_serve(map, hints, hint_count, lobes, alpha, footprint, shift, level, cells)) {
-    mode = MODE_COUNTS;
+  /* Counts, then the index, then counts of blocks too wide for the footprint rather than a random subset; in a loop, because
+   * each call of a function is compiled anew. */
+  int is_searched = mode == MODE_ALL || mode == MODE_SUBSET;
+  float widest = FAR_SIDE_FIRST;
+  while (widest > 0.0) {
+    if (counts_serve(map, hints, hint_count, lobes, alpha, footprint, widest, shift, level, cells)) {
+      mode = MODE_COUNTS;
+    }
+    else if (widest == FAR_SIDE_FIRST && is_searched && index_serves(map, footprint, hints, hint_count, hit.u, hit.v)) {
+      mode = MODE_INDEX;
+    }
+    widest = mode == MODE_SUBSET && widest == FAR_SIDE_FIRST ? FAR_SIDE_SUBSET : 0.0;
+  }
+  if (mode == MODE_COUNTS) {
     is_selected = hit_is_counted(hints, hint_count, cells, level, map, hit);
   }
   else {
     Patch patch;
     if (map.is_linear) {
       patch = hit_patch(map, hit);
-    }
-    if ((mode == MODE_ALL || mode == MODE_SUBSET) && index_serves(map, footprint, hints, hint_count, hit.u, hit.v)) {
-      mode = MODE_INDEX;
     }
     is_selected = hit_is_selected(map, hints, hint_count, alpha, mode, patch, hit.u - hit.i, hit.v - hit.j, hit.n);
   }

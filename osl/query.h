@@ -6,6 +6,8 @@
  * block is about as wide as the footprint: a visit costs 50 ns (35 of them the fetch), so 4096 of them 200 us. Measured with
  * the index: flakes of 7,000 texels a footprint 266 -> 45 us, of 450 22 -> 5 us; smooth patches, a third of which mirror a
  * light where the light is near the middle of the slopes, gain nothing there: each then fetches all its corners.
+ * A random part of the candidates does not pay where there are many: one row, or list of the index, of so many that 256 or
+ * 128 candidates are left gave an error of 0.26 or 0.42 instead of 0.17 (eight_bit, 4 samples) in 0.47 or 0.29 of the time.
  * glint_query is what the shader uses, with its twin hit_is_selected.
  */
 

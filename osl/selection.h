@@ -46,9 +46,9 @@ int closure_limit(int lobes)
   return min(CLOSURE_BUDGET, LARGEST_CLOSURES / lobes - 1);
 }
 
-/* Cells of each hint, so that all hints' (of all lobes of the shading point) fit the budget: a disk around the half vector and rings of sectors.
- * Measured by benchmarks/merge_cells.py, random elements, a light 0.2 alpha off the middle; relative rms and bias for 30
- * and for 400 elements, Beckmann | GGX:
+/* Cells of each hint, so that all hints' (of all lobes of the shading point) fit the budget: a disk around the half
+ * vector and rings of sectors. Measured by benchmarks/merge_cells.py, random elements, a light 0.2 alpha off the middle;
+ * relative rms and bias for 30 and for 400 elements, Beckmann | GGX:
  *   1 + 6 + 12 + 18 cells   0.2 %, 0.0 % and 0.2 %, -0.1 %   | 1.5 %,  0.0 % and 0.6 %, -0.3 %
  *   1 + 6 + 12              0.8 %, 0.2 % and 0.4 %, -0.2 %   | 3.6 %,  0.6 % and 1.6 %,  0.5 %
  *   1 + 5 + 8               1.0 %, 0.3 % and 0.4 %,  0.1 %   | 3.6 %,  0.1 % and 1.5 %, -0.2 %

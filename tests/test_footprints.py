@@ -451,8 +451,10 @@ def test_the_levels_are_those_of_the_blocks_that_the_shader_takes(interpolation)
 
     assert reached(0, math.inf) == (first, every[-1])
     assert reached(math.inf, 0) is None
-    assert reached(1, 0.99 * first / 1.2) is None
-    # The smallest blocks serve near footprints; twice 2.0 times the footprint is 3.4 blocks.
+    assert reached(1, 0.99 * first / 2.5) is None
+    # The smallest blocks serve near footprints, or the next, if their bins are too wide.
+    assert reached(1, 1.01 * first / 2.5) == (first, 2 * first)
+    # Twice 2.0 times the footprint is 3.4 blocks.
     assert reached(1, 1.01 * first / 1.2) == (first, 2 * first)
     assert reached(3.9 * first / 0.6, 4 * first / 0.6) == (2 * first, 16 * first)
     assert reached(1e9, 1e9) == (every[-1], every[-1])
@@ -471,13 +473,14 @@ FAR_BLOCKS = """
     Counts counts;
     counts.first = (int)in[6 + 2 * k];
     counts.levels = (int)in[7 + 2 * k];
-    out[k] = far_block(counts, footprint);
+    out[k] = far_block(counts, footprint, WIDEST);
   }
 """
 
 
+@pytest.mark.parametrize("widest", ["FAR_SIDE_FIRST", "FAR_SIDE_SUBSET"])
 @pytest.mark.parametrize("interpolation", ["CLOSEST", "LINEAR"])
-def test_with_the_levels_of_its_footprint_a_sample_takes_the_blocks_that_it_takes_with_all(interpolation):
+def test_with_the_levels_of_its_footprint_a_sample_takes_the_blocks_that_it_takes_with_all(interpolation, widest):
     every = counts_levels(4096, 4096, interpolation)
     rng = np.random.default_rng(5)
     short = 10 ** rng.uniform(0.5, 4.0, ROWS)
@@ -488,7 +491,7 @@ def test_with_the_levels_of_its_footprint_a_sample_takes_the_blocks_that_it_take
     ends = [levels or (0, 0) for levels in reached]
     baked = [(first, every.index(last) - every.index(first) + 1) if last else (0, 0) for first, last in ends]
     rows = np.column_stack([*axes, long, short, np.tile([every[0], len(every)], (ROWS, 1)), baked])
-    with_all, with_some = evaluate(HEADERS, FAR_BLOCKS, rows, 2).T
+    with_all, with_some = evaluate(HEADERS, FAR_BLOCKS.replace("WIDEST", widest), rows, 2).T
     np.testing.assert_array_equal(with_some, with_all)
     assert 0.1 < (with_all == 0).mean() < 0.9 and len(np.unique(with_all)) == len(every) + 1
     # One level up is there too, for narrower bins.
@@ -504,6 +507,6 @@ def test_constants_are_those_of_the_shader():
     assert (footprints.FOOTPRINT_SCALE, footprints.FOOTPRINT_EXPONENT) == (
         reference.FOOTPRINT_SCALE, reference.FOOTPRINT_EXPONENT)
     counts = paths.shader_file("counts.h").read_text(encoding="utf-8")
-    for name in ("FAR_SIDE", "FAR_SIDE_FIRST", "FAR_SIDE_LONG"):
+    for name in ("FAR_SIDE", "FAR_SIDE_SUBSET", "FAR_SIDE_LONG"):
         assert f"#define {name} {getattr(footprints, name)}\n" in counts
     assert f"min({footprints.NARROWER_BINS:g} * from, " in counts

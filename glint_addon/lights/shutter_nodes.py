@@ -6,23 +6,15 @@ keys. Lights that do not move within a shutter have none of these nodes.
 
 from __future__ import annotations
 
-import bpy
-
 from ..errors import SceneError
 from ..nodes import builder
 from ..nodes.driven import write_number
 from ..nodes.glint_lights import HINT_COUNT, light_name
-from ..nodes.script_node import compile_script_node, osl_available
+from ..nodes.script_node import add_script_node
 from .shutter import Way
 
 TIME = "Shutter Time"
-# Cycles counts a ray's time from 0, where the shutter opens, to 1; it is in the middle where nothing is blurred.
-SOURCE = """/* Time of the ray: -1 where the shutter opens, 1 where it closes. */
-shader shutter_time(output float Time = 0.0)
-{
-  Time = 2.0 * time - 1.0;
-}
-"""
+SHADER = "shutter_time.osl"
 STILL = (0.0, 0.0, 0.0)
 
 
@@ -96,11 +88,6 @@ def _remove_nodes(group, slot):
 def _time(group):
     """Output of the group's Script node, made if there is none; None where Blender has no OSL."""
     node = group.nodes.get(TIME)
-    if node is None and osl_available():
-        text = bpy.data.texts.get(("Glint shutter_time.osl", None)) or bpy.data.texts.new("Glint shutter_time.osl")
-        if text.as_string() != SOURCE:
-            text.from_string(SOURCE)
-        node = builder.add_node(group, "ShaderNodeScript", TIME, mode="INTERNAL", script=text)
-        if not node.bytecode:
-            compile_script_node(node)
+    if node is None:
+        node = add_script_node(group, SHADER, TIME)
     return node.outputs["Time"] if node else None
