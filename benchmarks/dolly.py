@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 
+import bpy  # noqa: F401  (before the modules that need it)
 import numpy as np
 
 from demo_scenes import picture
