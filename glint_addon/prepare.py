@@ -48,10 +48,7 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
     """
     found = _uses(scene)
     groups = _by_name(found)
-    report = {"hints": [], "skipped_lights": [], "hints_by_material": {}, "left_by_material": {}, "baked": [],
-              "reused": [], "unseen": [], "levels": {}, "mip_levels": [], "osl": osl_available(),
-              "device": _device(scene), "warnings": _warnings(scene, groups) + _linked_warnings(found),
-              "counts": dict.fromkeys(COUNTS, 0)}
+    report = _new_report(scene, _warnings(scene, groups) + _linked_warnings(found))
     # What is linked from another file cannot be changed here; a warning says so.
     groups = [group for group in groups if group.library is None]
     if not groups and not image_texture.shows_mip_levels():
@@ -93,6 +90,13 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
     if report["osl"] and hasattr(scene, "cycles") and not scene.cycles.shading_system:
         scene.cycles.shading_system = True
     return report
+
+
+def _new_report(scene, warnings) -> dict:
+    """What `preparation` returns where there is nothing to do."""
+    return {"hints": [], "skipped_lights": [], "hints_by_material": {}, "left_by_material": {}, "baked": [],
+            "reused": [], "unseen": [], "levels": {}, "mip_levels": [], "osl": osl_available(),
+            "device": _device(scene), "warnings": warnings, "counts": dict.fromkeys(COUNTS, 0)}
 
 
 def scene_glint_groups(scene) -> list[bpy.types.ShaderNodeTree]:
