@@ -156,8 +156,8 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
   Cells cells[8];
   vector shift = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
   int is_selected = 0;
-  /* Counts, then the index, then counts of blocks too wide for the footprint rather than a random subset; in a loop, because
-   * each call of a function is compiled anew. */
+  /* Counts, then the index, then, rather than a random subset, counts of blocks that are wide for the footprint; in a loop,
+   * because each call of a function is compiled anew. */
   int is_searched = mode == MODE_ALL || mode == MODE_SUBSET;
   float widest = FAR_SIDE_FIRST;
   while (widest > 0.0) {
