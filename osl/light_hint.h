@@ -125,18 +125,6 @@ int half_vector(vector light, vector shape, float region, NormalFrame frame, Foo
   return hint.patch_turn < LARGEST_TURN;
 }
 
-/* Slope p around the half vector of the tangent-space normal n, at a texel offset; returns 0 behind the horizon. */
-int hint_slope(HalfVector hint, vector n, float offset_u, float offset_v, output float p1, output float p2)
-{
-  float along = dot(n, hint.f3);
-  if (!(along > 0.0)) {
-    return 0;
-  }
-  p1 = dot(n, hint.f1) / along + offset_u * hint.shift_u1 + offset_v * hint.shift_v1;
-  p2 = dot(n, hint.f2) / along + offset_u * hint.shift_u2 + offset_v * hint.shift_v2;
-  return 1;
-}
-
 /* Whether any normal of a patch can lie in the region around h; errs on the side of yes. The ball holds the patch's
  * normals; the offset is that of its middle. */
 int hint_reaches_ball(HalfVector hint, vector centre, float ball, float offset_u, float offset_v)
@@ -148,25 +136,23 @@ int hint_reaches_ball(HalfVector hint, vector centre, float ball, float offset_u
   return limit > 0.0 && x1 * x1 + x2 * x2 < limit * limit;
 }
 
-/* Whether any normal whose slope lies between low and high can come within the region around h: the corners of that
- * box span a convex set around h, whose bounding box is tested. */
+/* Whether any normal whose slope lies between low and high can come within the region around h. The corners of that box span
+ * it, so none can if all corners lie beyond the same side of a square around the region, or behind h's horizon: linear forms
+ * tell that of corners on both sides of the horizon too. */
 int map_reaches_hint(HalfVector hint, vector low, vector high)
 {
-  float low1 = 1e30;
-  float low2 = 1e30;
-  float high1 = -1e30;
-  float high2 = -1e30;
+  float r = hint.radius + hint.reach;
+  int sides[5] = { 1, 1, 1, 1, 1 };
   for (int corner = 0; corner < 4; ++corner) {
     vector n = vector(corner % 2 ? high[0] : low[0], corner / 2 ? high[1] : low[1], 1.0);
-    float p1, p2;
-    if (!hint_slope(hint, n, 0, 0, p1, p2)) {
-      return 1;
-    }
-    low1 = min(low1, p1);
-    low2 = min(low2, p2);
-    high1 = max(high1, p1);
-    high2 = max(high2, p2);
+    float limit = r * dot(n, hint.f3);
+    float x1 = dot(n, hint.f1);
+    float x2 = dot(n, hint.f2);
+    sides[0] = sides[0] && limit <= 0.0;
+    sides[1] = sides[1] && x1 >= limit;
+    sides[2] = sides[2] && x1 <= -limit;
+    sides[3] = sides[3] && x2 >= limit;
+    sides[4] = sides[4] && x2 <= -limit;
   }
-  float r = hint.radius + hint.reach;
-  return low1 < r && low2 < r && high1 > -r && high2 > -r;
+  return !(sides[0] || sides[1] || sides[2] || sides[3] || sides[4]);
 }

@@ -114,6 +114,7 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
   /* Keep the hints that the map can answer here. */
   HalfVector hints[8];
   float turn = 0;
+  float counts_turn = 0; /* relative to what they may */
   float region = REGION * alpha;
   int bounded = high[0] > low[0] || high[1] > low[1];
   vector strong_low = low;
@@ -126,6 +127,7 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
         hints[hint_count] = hint;
         hint_count += 1;
         turn = max(turn, hint.turn);
+        counts_turn = max(counts_turn, hint.turn / (FAR_TURN * hint.radius));
       }
     }
   }
@@ -133,9 +135,29 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
     left = LEFT_NOT_REACHED;
     return plain;
   }
-  if (turn > LARGEST_FOOTPRINT_TURN) {
-    /* Elements are judged by a linear turn, so look no farther than it holds. */
-    scale_footprint(LARGEST_FOOTPRINT_TURN / turn, footprint);
+  /* Elements are judged by a linear turn, so look no farther than it holds; and of so many elements that counts are to answer,
+   * no farther than those may, rather than at a random subset of all. */
+  float scale = LARGEST_FOOTPRINT_TURN / max(turn, LARGEST_FOOTPRINT_TURN);
+  if (footprint.area > LARGEST_VISIT && counts_turn > 1.0) {
+    scale = min(scale, max(1.0 / counts_turn, sqrt(LARGEST_VISIT / footprint.area)));
+  }
+  if (scale < 1.0) {
+    scale_footprint(scale, footprint);
+    int kept = 0;
+    for (int k = 0; k < hint_count; ++k) {
+      HalfVector hint = hints[k];
+      hint.reach -= (1.0 - scale) * hint.turn;
+      hint.turn *= scale;
+      if (!bounded || map_reaches_hint(hint, strong_low, strong_high)) {
+        hints[kept] = hint;
+        kept += 1;
+      }
+    }
+    hint_count = kept;
+    if (hint_count == 0) {
+      left = LEFT_NOT_REACHED;
+      return plain;
+    }
     mode = query_mode(footprint);
     if (mode == MODE_SINGLE && !map.is_linear) {
       left = LEFT_WITHIN_TEXEL;

@@ -86,7 +86,7 @@ vector patch_normal(Patch patch, float a, float b)
   return (1.0 - b) * ((1.0 - a) * patch.n00 + a * patch.n10) + b * ((1.0 - a) * patch.n01 + a * patch.n11);
 }
 
-/* The three forms of hint_slope over a patch: value at (0, 0), change with a, with b, and with a b. Their quotient is the
+/* The three forms of slope_forms over a patch: value at (0, 0), change with a, with b, and with a b. Their quotient is the
  * slope; interpolating slopes instead would lose 0.3 % of the energy of bumps of slope 0.15. */
 struct PatchSlopes {
   vector origin;

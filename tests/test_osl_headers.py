@@ -293,11 +293,10 @@ def test_slopes_around_a_half_vector_and_the_tests_that_skip():
         rng.uniform(0, 0.1, ROWS),
     )
     osl = evaluate(
-        HINT_HEADERS, HINT_BODY + """
-  float p1 = 0; float p2 = 0;
+        MAP_HEADERS, HINT_BODY + """
   vector n = vector(in[16], in[17], in[18]);
-  out[0] = hint_slope(hint, n, in[19], in[20], p1, p2);
-  out[1] = p1; out[2] = p2;
+  vector form = slope_forms(hint, n, in[19], in[20]);
+  out[0] = form[2] > 0; out[1] = form[0] / form[2]; out[2] = form[1] / form[2];
   out[3] = hint_reaches_ball(hint, n, in[21], in[19], in[20]);
   hint.reach = in[26];
   out[4] = map_reaches_hint(hint, vector(in[22], in[23], 0), vector(in[24], in[25], 0));
@@ -312,9 +311,6 @@ def test_slopes_around_a_half_vector_and_the_tests_that_skip():
     assert_flags_agree(osl[:, 3], *light_hint.hint_reaches_ball(hint, n, ball, *offset.T))
     hint.reach = reach
     reached, margin = light_hint.map_reaches_hint(hint, low, high)
-    corners_along = [hint.forms[:, 2, 0] * a[:, 0] + hint.forms[:, 2, 1] * b[:, 1] + hint.forms[:, 2, 2]
-                     for a in (low, high) for b in (low, high)]
-    margin = np.where(np.abs(corners_along).min(0) > MARGIN, margin, 0.0)
     assert_flags_agree(osl[:, 4], reached, margin)
 
 

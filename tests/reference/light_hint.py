@@ -131,14 +131,16 @@ def hint_reaches_ball(hint, centre, ball, offset_u, offset_v):
 
 
 def map_reaches_hint(hint, low, high):
-    """Whether any normal with slopes between low and high, (n, 2) each, can come within the region around h."""
-    slopes, behind = [], np.zeros(len(hint.radius), bool)
-    for corner in range(4):
-        n = np.stack([(high if corner % 2 else low)[:, 0], (high if corner // 2 else low)[:, 1], np.ones(len(low))], -1)
-        valid, p = hint_slope(hint, n, 0.0, 0.0)
-        behind |= ~valid
-        slopes.append(p)
-    r = (hint.radius + hint.reach)[:, None]
-    lowest, highest = np.min(slopes, axis=0), np.max(slopes, axis=0)
-    margin = np.minimum(r - lowest, r + highest).min(axis=-1)
-    return behind | (margin > 0), np.where(behind, np.inf, margin)
+    """Whether any normal with slopes between low and high, (n, 2) each, can come within the region around h; by how much.
+
+    None can if all corners of that box of slopes lie beyond one side of a square around the region, or behind h.
+    """
+    corners = [
+        np.stack([(high if u else low)[:, 0], (high if v else low)[:, 1], np.ones(len(low))], axis=-1)
+        for v in (0, 1)
+        for u in (0, 1)
+    ]
+    x, y, along = np.einsum("nfk,cnk->fcn", hint.forms, corners)
+    limit = (hint.radius + hint.reach) * along
+    margin = np.min([side.max(axis=0) for side in (along, limit - x, limit + x, limit - y, limit + y)], axis=0)
+    return margin > 0, margin
