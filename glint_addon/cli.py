@@ -111,6 +111,7 @@ def describe_file(options) -> list[str]:
         )
         lines.append(f"Scene {scene['name']}: {words if scene['prepared'] else 'not prepared'}")
         lines += [f"Warning: {sentence}" for sentence in scene["warnings"]]
+        lines += [f"Note: {sentence}" for sentence in scene["notes"]]
         lines += [f"Advice: {sentence}" for sentence in scene["advice"]]
     return lines
 
@@ -146,6 +147,7 @@ def scene_facts() -> list[dict]:
                 "hints": [line.name for line in state.hints],
                 "skipped_lights": [[line.name, line.detail] for line in state.skipped_lights],
                 "warnings": [line.name for line in state.warnings],
+                "notes": [line.name for line in state.notes],
                 "advice": [ADVICE] if state.prepared and softens_glints(scene) else [],
             }
         )
@@ -161,4 +163,5 @@ def prepare(scene) -> list[str]:
     with terminal_progress() as progress:
         report = prepare_scene(scene, progress=progress)
     store_report(scene, report)
-    return [summary(report), counts_line(report), *(f"Warning: {sentence}" for sentence in report["warnings"])]
+    return [summary(report), counts_line(report), *(f"Warning: {sentence}" for sentence in report["warnings"]),
+            *(f"Note: {sentence}" for sentence in report["notes"])]

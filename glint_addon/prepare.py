@@ -1,4 +1,4 @@
-"""Make a scene ready to render glints: bake what is missing, find the light hints, switch OSL on."""
+"""Make a scene ready to render glints: bake what is missing, find the light hints, switch OSL on if they need it."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from .map_tables import bake_plan, is_missing, map_plans, named_levels, remember
 from .material import glint_groups, glint_lobes
 from .nodes import glint_bsdf, image_texture
 from .nodes.script_node import osl_available
+from .shading_system import choose_shading_system, is_on
 from .table_budget import DEFAULT_BUDGET, fit_budget
 from .visibility import unseen_objects
 
@@ -33,8 +34,9 @@ def prepare_scene(scene, progress=None, *, bake_unseen=None, table_budget=None) 
     "left_by_material" ({material: [[name, reason], ...]}: left to chance there), "baked" and "reused" (table paths),
     "unseen" (names of the materials left without a table, because no camera sees them), "levels" ({map: [first, last]
     or None}: block sides in texels of the counts, those that the cameras' footprints reach), "mip_levels" (names of the
-    images of Glint Image Textures whose levels were baked), "osl" (whether Cycles can run the lobe), "device",
-    "warnings" (sentences), "counts" ("tables_baked", "tables_in_use", "bytes_baked", "bytes_in_use", "images_read").
+    images of Glint Image Textures whose levels were baked), "osl" (whether Open Shading Language is on now), "device",
+    "warnings" (sentences), "notes" (sentences on what is as it should be, such as why OSL is off), "counts"
+    ("tables_baked", "tables_in_use", "bytes_baked", "bytes_in_use", "images_read").
     Raises MapError or TableError; the scene is unchanged then.
     """
     progress = progress or (lambda fraction, text: None)
@@ -49,7 +51,8 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
     found = _uses(scene)
     groups = _by_name(found)
     report = _new_report(scene, _warnings(scene, groups) + _linked_warnings(found))
-    # What is linked from another file cannot be changed here; a warning says so.
+    # What is linked from another file cannot be changed here; a warning says so. It may look for its lights.
+    looks_for_lights = any(group.library is not None and group["glint_table"] for group in groups)
     groups = [group for group in groups if group.library is None]
     if not groups and not image_texture.shows_mip_levels():
         return report
@@ -63,7 +66,7 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
 
     # Bake first: all that can fail happens before the scene is touched.
     plans, tables = [], []
-    if report["osl"]:
+    if osl_available():
         folder = paths.table_folder(bpy.data.filepath)
         with _baked_whole_or_not_at_all(folder, report["baked"]):
             plans = map_plans(scene, {group: uses[group] for group in groups if group not in left_out}, folder,
@@ -86,17 +89,23 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
         lights = connect_lights(scene, uses)
         report["warnings"] += lights.pop("warnings")
         report |= lights
+        looks_for_lights = looks_for_lights or _looks_for_lights(report)
         _share_closures({material for pairs in uses.values() for _, material in pairs})
-    if report["osl"] and hasattr(scene, "cycles") and not scene.cycles.shading_system:
-        scene.cycles.shading_system = True
-    return report
+    note = choose_shading_system(scene, is_needed=looks_for_lights)
+    return report | {"osl": is_on(scene), "notes": [note] * bool(note)}
 
 
 def _new_report(scene, warnings) -> dict:
     """What `preparation` returns where there is nothing to do."""
     return {"hints": [], "skipped_lights": [], "hints_by_material": {}, "left_by_material": {}, "baked": [],
-            "reused": [], "unseen": [], "levels": {}, "mip_levels": [], "osl": osl_available(),
-            "device": _device(scene), "warnings": warnings, "counts": dict.fromkeys(COUNTS, 0)}
+            "reused": [], "unseen": [], "levels": {}, "mip_levels": [], "osl": is_on(scene),
+            "device": _device(scene), "warnings": warnings, "notes": [], "counts": dict.fromkeys(COUNTS, 0)}
+
+
+def _looks_for_lights(report) -> bool:
+    """Whether any material in view has a light to look for."""
+    hinted = {name for name, lights in report["hints_by_material"].items() if lights}
+    return not hinted <= set(report["unseen"])
 
 
 def scene_glint_groups(scene) -> list[bpy.types.ShaderNodeTree]:

@@ -12,6 +12,7 @@ import pytest
 
 from glint_addon import cli
 from glint_addon.images import image_pixels
+from glint_addon.shading_system import LEFT_OFF
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 
@@ -101,6 +102,15 @@ def test_info_advises_on_denoising_once_the_scene_is_prepared(capfd, blend):
     assert "Advice" not in run(capfd, "info", blend)[1]
     run(capfd, "prepare", blend)
     assert "Advice: Denoising by normals softens glints" in run(capfd, "info", blend)[1].splitlines()[-1]
+
+
+def test_prepare_and_info_say_where_osl_is_of_no_use(capfd, blend):
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    bpy.data.objects.remove(bpy.data.objects["Sun"])
+    bpy.context.scene.cycles.shading_system = False
+    bpy.ops.wm.save_mainfile()
+    for command in ("prepare", "info"):
+        assert f"Note: {LEFT_OFF}" in run(capfd, command, blend)[1].splitlines()
 
 
 def test_info_as_json_is_json_and_nothing_else(capfd, blend):

@@ -8,6 +8,7 @@ import pytest
 
 from glint_addon.nodes import GROUPS
 from glint_addon.operators.scene_state import store_report
+from glint_addon.shading_system import LEFT_OFF
 from glint_addon.ui import menus, text
 from glint_addon.ui.panel import GLINT_PT_lights, GLINT_PT_material, GLINT_PT_tables
 from tests.helpers import cycles
@@ -26,6 +27,7 @@ REPORT = {
     "osl": True,
     "device": "CPU",
     "warnings": ["Simplify limits the texture size."],
+    "notes": [],
 }
 # Without a window Blender's own interface scale is 0.
 SCREEN = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
@@ -125,6 +127,13 @@ def test_after_preparing_the_panel_names_the_table_osl_and_device(glinting):
     seen = drawn(GLINT_PT_material)
     assert seen[2].endswith(".exr") and "OSL on, CPU" in seen
     assert "Not prepared yet" not in seen
+
+
+def test_the_panel_says_why_osl_is_off(glinting):
+    bpy.context.scene.cycles.shading_system = False
+    bpy.ops.glint.prepare()
+    seen = drawn(GLINT_PT_material, width=4000)
+    assert "OSL off, CPU" in seen and LEFT_OFF in seen
 
 
 def test_the_panel_shows_every_part_of_the_report(glinting):

@@ -369,7 +369,8 @@ def test_another_engine_is_warned_about(scene, plane):
 
 
 def test_a_blender_without_osl_is_told_and_bakes_nothing(scene, plane, blend, monkeypatch):
-    monkeypatch.setattr("glint_addon.prepare.osl_available", lambda: False)
+    for module in ("prepare", "shading_system"):
+        monkeypatch.setattr(f"glint_addon.{module}.osl_available", lambda: False)
     scene.cycles.shading_system = False
     report = prepare_scene(scene)
     assert "Open Shading Language" in report["warnings"][0] and report["osl"] is False

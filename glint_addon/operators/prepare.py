@@ -1,4 +1,4 @@
-"""Prepare the scene for rendering glints: bake missing tables, find the lights, switch OSL on."""
+"""Prepare the scene for rendering glints: bake missing tables, find the lights, switch OSL on if they need it."""
 
 import bpy
 
@@ -9,7 +9,7 @@ from .scene_state import store_report
 
 
 class GLINT_OT_prepare(FailsSoftly, RunsInBackground, bpy.types.Operator):
-    """Bake the tables that are missing, find the lights that make glints and switch Open Shading Language on"""
+    """Bake missing tables, find the lights that make glints, and switch Open Shading Language on for them"""
 
     bl_idname = "glint.prepare"
     bl_label = "Prepare Glints"
@@ -36,6 +36,8 @@ class GLINT_OT_prepare(FailsSoftly, RunsInBackground, bpy.types.Operator):
         store_report(context.scene, report)
         for sentence in report["warnings"]:
             self.report({"WARNING"}, sentence)
+        for sentence in report["notes"]:
+            self.report({"INFO"}, sentence)
         self.report({"INFO"}, summary(report))
         return {"FINISHED"}
 
@@ -49,7 +51,7 @@ def summary(report: dict) -> str:
     """What `prepare_scene` did, in one sentence."""
     lights = counted(len(report["hints"]), "light")
     baked = counted(len(report["baked"]) + len(report["mip_levels"]), "table")
-    osl = "OSL on" if report["osl"] else "no OSL"
+    osl = "OSL on" if report["osl"] else "OSL off"
     unseen = f", {counted(len(report['unseen']), 'material')} that no camera sees left out" if report["unseen"] else ""
     return f"Glint: {lights} found, {baked} baked, {len(report['reused'])} reused{unseen}, {osl}."
 

@@ -52,6 +52,7 @@ class GLINT_PG_scene(bpy.types.PropertyGroup):
     tables: CollectionProperty(type=GLINT_PG_line)
     unseen: CollectionProperty(type=GLINT_PG_line)
     warnings: CollectionProperty(type=GLINT_PG_line)
+    notes: CollectionProperty(type=GLINT_PG_line)
 
 
 def store_report(scene, report: dict):
@@ -71,6 +72,7 @@ def store_report(scene, report: dict):
     _fill(state.tables, tables)
     _fill(state.unseen, [(name, "") for name in report["unseen"]])
     _fill(state.warnings, [(sentence, "") for sentence in report["warnings"]])
+    _fill(state.notes, [(sentence, "") for sentence in report["notes"]])
 
 
 def _fill(lines, pairs):

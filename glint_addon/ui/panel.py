@@ -152,7 +152,10 @@ def draw_state(layout, context):
     if not state.prepared:
         draw_sentence(layout, context, "This scene is not prepared: without it glints are as noisy as usual.", "INFO")
         return
-    layout.label(text=f"OSL {'on' if state.osl else 'off'}, {state.device}", icon="CHECKMARK" if state.osl else "ERROR")
+    is_right = state.osl or len(state.notes) > 0
+    layout.label(text=f"OSL {'on' if state.osl else 'off'}, {state.device}", icon="CHECKMARK" if is_right else "ERROR")
+    for line in state.notes:
+        draw_sentence(layout, context, line.name, "INFO")
     for line in state.warnings:
         draw_sentence(layout, context, line.name, "ERROR")
     if softens_glints(scene):

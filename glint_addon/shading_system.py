@@ -1,0 +1,62 @@
+"""Cycles' switch for Open Shading Language: on where glints have a light to look for, else not Glint's to switch on.
+
+With it every material of a scene is slower, Blender's own nodes too: 1.3 to 1.6 times a sample, measured.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from .nodes.builder import STAMP
+from .nodes.glint_bsdf import is_glint_group
+from .nodes.script_node import osl_available
+
+SWITCHED_ON = "glint_switched_osl_on"  # property of a scene: it was Glint that switched OSL on there
+NO_LIGHT = "No glint in view has a small light to look for"
+LEFT_OFF = f"{NO_LIGHT}: Open Shading Language is off, and Blender's own nodes render the same picture, faster."
+LEFT_ON = f"{NO_LIGHT}: switch Open Shading Language off in the Render properties, and the same picture renders faster."
+
+
+def is_on(scene) -> bool:
+    """Whether Cycles renders `scene` through Open Shading Language."""
+    return osl_available() and hasattr(scene, "cycles") and bool(scene.cycles.shading_system)
+
+
+def choose_shading_system(scene, *, is_needed: bool) -> str:
+    """Switch Open Shading Language on where `is_needed`, off again where it is not and only Glint had it on.
+
+    Script nodes outside the glints count: Glint's own textures need it, others keep what the user chose. Returns a
+    sentence if OSL would be of no use to `scene`, else "".
+    """
+    if not osl_available() or not hasattr(scene, "cycles"):
+        return ""
+    scripts = _scripts_outside_glints()
+    if is_needed or STAMP in scripts:
+        _switch_on(scene)
+        return ""
+    if scripts:
+        return ""
+    if scene.pop(SWITCHED_ON, False) and scene.cycles.shading_system:
+        scene.cycles.shading_system = False
+    return LEFT_ON if scene.cycles.shading_system else LEFT_OFF
+
+
+def _switch_on(scene):
+    if not scene.cycles.shading_system:
+        scene.cycles.shading_system = True
+        scene[SWITCHED_ON] = True
+
+
+def _scripts_outside_glints() -> set[str]:
+    """Of Script nodes outside Glint BSDFs, in materials, worlds and lights: STAMP for Glint's own, "" for others'."""
+    owners = [*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights]
+    trees = [owner.node_tree for owner in owners if owner.node_tree is not None]
+    found, seen = set(), set()
+    while trees:
+        tree = trees.pop()
+        seen.add(tree)
+        if any(node.bl_idname == "ShaderNodeScript" for node in tree.nodes):
+            found.add(STAMP if STAMP in tree else "")
+        inner = {node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup"} - {None}
+        trees += [each for each in inner - seen if not is_glint_group(each)]
+    return found
