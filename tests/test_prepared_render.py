@@ -1,7 +1,5 @@
 """Pictures of prepared scenes: the same without the add-on; without a whole table those of Blender's own nodes."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import bpy
@@ -28,17 +26,6 @@ FRAME = 5  # another than the one that was prepared
 LAMP_POWER = 500.0  # W
 BULB_RADIANCE = 5000.0
 ROUNDING = 1e-4  # relative to the brightest pixel: the same arithmetic in OSL and in Blender's own nodes
-
-RENDER_ALONE = """
-import sys, bpy
-blend, picture, frame = sys.argv[1:]
-bpy.ops.wm.open_mainfile(filepath=blend)
-scene = bpy.context.scene
-scene.frame_set(int(frame))
-scene.render.filepath = picture
-bpy.ops.render.render(write_still=True)
-assert not any("glint_addon" in name for name in sys.modules)
-"""
 
 
 @pytest.fixture
@@ -98,16 +85,6 @@ def table_of_normals(plane) -> Path:
     """The file of the normals in the prepared plane's map."""
     (group,) = glint_groups(plane.active_material)
     return Path(group["glint_table"])
-
-
-def rendered_alone(folder, frame=1):
-    """The picture of a frame of the open file, saved in `folder`, by a new process without the add-on."""
-    blend, file = folder / "scene.blend", folder / "alone.exr"
-    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
-    result = subprocess.run([sys.executable, "-c", RENDER_ALONE, str(blend), str(file), str(frame)], cwd=folder,
-                            capture_output=True, text=True, timeout=300, check=False)
-    assert result.returncode == 0, result.stderr + result.stdout
-    return cycles.read_image(file)[..., :3]
 
 
 def assert_same(picture, other):
@@ -194,10 +171,10 @@ def test_tables_are_read_whatever_their_folder_is_called(plane, tmp_path, folder
     np.testing.assert_array_equal(moved, picture)
 
 
-def test_a_saved_file_renders_the_same_pixels_where_the_addon_is_not_installed(plane, tmp_path):
+def test_a_saved_file_renders_the_same_pixels_where_the_addon_is_not_installed(farm, plane, tmp_path):
     scene = bpy.context.scene
     sockets, picture = prepared(plane)
-    np.testing.assert_array_equal(rendered_alone(tmp_path), picture)
+    np.testing.assert_array_equal(farm.rendered(tmp_path), picture)
     assert picture.max() > 0 and scene.cycles.shading_system
     assert sockets["Table"].default_value.startswith(str(tmp_path))
 
@@ -231,7 +208,7 @@ def hint_values(names):
 
 @pytest.mark.parametrize("world", ["picture", "sky"])
 def test_another_frame_of_a_scene_with_every_kind_of_light_is_the_same_where_the_addon_is_not_installed(
-        plane, tmp_path, world):
+        farm, plane, tmp_path, world):
     scene = bpy.context.scene
     scene.cycles.samples = 2
     scene.render.resolution_x = scene.render.resolution_y = 16
@@ -244,4 +221,4 @@ def test_another_frame_of_a_scene_with_every_kind_of_light_is_the_same_where_the
     moved = [name for name, old, new in zip(names, prepared_values, hint_values(names), strict=True) if old != new]
     assert moved == ["Copied in Empty", "Keyed"] and picture.max() > 0
     scene.frame_set(1)
-    np.testing.assert_array_equal(rendered_alone(tmp_path, FRAME), picture)
+    np.testing.assert_array_equal(farm.rendered(tmp_path, FRAME), picture)

@@ -18,7 +18,6 @@ from tests.helpers.seeds import rendered_seeds
 from tests.helpers.stress_stage import MIDDLE, add_lamp, add_square
 from tests.test_emitters import add_bulb, add_glints
 from tests.test_instances import add_instance, fixture
-from tests.test_prepared_render import rendered_alone
 
 SIZE = (12, 12)  # pixels
 SPEED = 2.4  # metres a frame
@@ -244,7 +243,7 @@ def test_a_light_that_speeds_up_has_keys_for_it(scene):
     assert x.values[5] > 0.05
 
 
-def test_the_saved_file_renders_the_same_blurred_pixels_without_the_addon(tmp_path):
+def test_the_saved_file_renders_the_same_blurred_pixels_without_the_addon(farm, tmp_path):
     scene = flakes(glints, bulb)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     blur(scene)
@@ -252,5 +251,5 @@ def test_the_saved_file_renders_the_same_blurred_pixels_without_the_addon(tmp_pa
     assert len(moved_nodes()) == 2
     scene.cycles.samples = 4
     picture = cycles.rendered(scene)[..., :3]
-    np.testing.assert_array_equal(rendered_alone(tmp_path, 2), picture)
+    np.testing.assert_array_equal(farm.rendered(tmp_path, 2), picture)
     assert picture.max() > 0
