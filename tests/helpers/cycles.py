@@ -15,8 +15,9 @@ SEED = 1
 
 
 def empty_scene(*, size=(32, 32), spp=1, osl=True, seed=SEED) -> bpy.types.Scene:
-    """Drop everything and return an empty scene set up for Cycles on the CPU (see `set_up_cycles`)."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    """Drop all but the preferences and return an empty scene set up for Cycles on the CPU (see `set_up_cycles`)."""
+    # `read_factory_settings` takes 40 ms instead of 8: it registers all of Blender's own add-ons anew.
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     scene = bpy.context.scene
     set_up_cycles(scene, size=size, spp=spp, osl=osl, seed=seed)
     return scene
