@@ -21,10 +21,10 @@ demo: $(STAMP)  ## Render the demo scenes into out/
 	@$(VENV_PYTHON) -m demo_scenes
 
 test: $(STAMP)  ## Run the tests (ARGS="-k words" chooses)
-	@$(VENV_PYTHON) -m pytest --numprocesses 2 --dist loadfile $(ARGS)
+	@$(VENV_PYTHON) -m pytest --numprocesses 2 --dist worksteal $(ARGS)
 
 stress: $(STAMP)  ## Run the stress tests alone and list every case in benchmarks/RESULTS.md
-	@$(VENV_PYTHON) -m pytest --numprocesses 2 --dist loadfile tests/stress --stress-report benchmarks/results/stress.json
+	@$(VENV_PYTHON) -m pytest --numprocesses 2 --dist worksteal tests/stress --stress-report benchmarks/results/stress.json
 	@$(VENV_PYTHON) -m benchmarks report
 
 lint: $(STAMP)  ## Check the style
