@@ -169,7 +169,7 @@ def test_after_a_diffuse_bounce_the_worst_pixel_is_far_below_that_of_the_nodes_a
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
 def test_after_a_diffuse_bounce_the_light_of_all_glints_is_that_of_the_nodes(interpolation):
     build = partial(caustic, roughness=FIREFLY_ROUGHNESS, interpolation=interpolation)
-    nodes, lobe = pictures_of(build, (4096, 16), (256, 16))
+    nodes, lobe = pictures_of(build, (2048, 16), (384, 16))
     deviation = math.hypot(*(side.mean(axis=(1, 2)).std(ddof=1) / len(side) ** 0.5 for side in (nodes, lobe)))
     assert deviation < LARGEST_DEVIATION * nodes.mean(), "noise would hide a bias"
     assert abs(lobe.mean() - nodes.mean()) < CAUSTIC_Z * deviation
