@@ -29,6 +29,7 @@ MARGIN = np.radians(3.0)
 # Half vectors turn ever faster as light and view become opposite: from here on all are reached.
 OPPOSITE = np.radians(170.0)
 SIZES = ("angle", "shadow_soft_size", "size", "size_y")  # properties of lights that change how large they are
+CONES = ("spot_size", "spread")  # and of how far round they shine
 DEVIATIONS = 3.0  # standard deviations of a map's slopes that its steepest facets are away from the flat
 FLATTEST = 1e-4  # slope: a map without facets still has rounding
 LEAST_ROUGHNESS = 1e-3  # of a facet: a mirror's glints have no finite noise
@@ -114,13 +115,16 @@ def _judgement(hint, views, moved, facets) -> Judgement:
         return Judgement(True, inf)
     reached, noise = views.has_mirrors, 0.0
     nothing_moves = is_still(lamps) and all(patches is moved[0][0] for patches, _ in moved)
+    # What lies behind a lamp or outside its cone, always, shows no glint of it, wherever that is mirrored.
+    lit = _may_be_lit(hint, lamps[0], moved[0][0]) if nothing_moves else slice(None)
     for eyes in views.eyes:
         still = nothing_moves and all((eye.inverse == eyes[0].inverse).all() for eye in eyes)
         rows = zip(eyes[:1] if still else eyes, lamps, moved, strict=False)
         gaps = []
         for eye, matrix, (patches, stretch) in rows:
             met = _met(hint, matrix, eye, views.lens, patches)
-            gaps.append(met.angle - np.arctan(stretch * facets.slope) - REGION * facets.alpha - met.blur - MARGIN)
+            gap = met.angle - np.arctan(stretch * facets.slope) - REGION * facets.alpha - met.blur - MARGIN
+            gaps.append(gap[lit])
             noise = max(noise, _noise(hint, matrix, eye, patches, met, facets))
         # Between two frames the gap may fall as much as it changed from one to the other.
         change = max((np.abs(after - before).max() for before, after in zip(gaps, gaps[1:], strict=False)), default=0.0)
@@ -199,11 +203,21 @@ def _noise(hint, matrix, eye, patches, met, facets) -> float:
     return float(np.sqrt((variance * pixels).sum() / max(pixels.sum(), 1e-30)))
 
 
-def _patch_powers(hint, matrix, patches) -> np.ndarray:
-    """Irradiance [W/m^2] of a light object on each patch, (n,)."""
+def _patch_powers(hint, matrix, patches, part=0.5) -> np.ndarray:
+    """Irradiance [W/m^2] of a light object on each patch, (n,); part: of the balls' radii that the patches fill."""
     lamp = Posed(hint.object.data, Matrix(matrix))
-    half = patches.radii[:, None] / 2
+    half = part * patches.radii[:, None]
     return irradiances(lamp, patches.centres - half, patches.centres + half, peak_value(lamp.data, "energy"))
+
+
+def _may_be_lit(hint, matrix, patches) -> np.ndarray:
+    """Whether some of each patch (n,) lies where the light can shine; all True if it is dark now or its cone moves."""
+    is_lamp = hint.object is not None and hint.object.type == "LIGHT"
+    if is_lamp and not any(is_animated(hint.object.data, name) for name in CONES if hasattr(hint.object.data, name)):
+        lit = _patch_powers(hint, matrix, patches, 1.0) > 0.0
+        if lit.any():
+            return lit
+    return np.ones(len(patches.centres), bool)
 
 
 def _directions(matrix, hint, patches):

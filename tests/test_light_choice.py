@@ -264,6 +264,51 @@ def test_a_light_whose_glints_only_diffuse_surfaces_see_is_kept_where_they_show_
         assert "Beside" in prepare_scene(scene)["hints"], "it may be 0 at another frame"
 
 
+def wall_lamp(scene, kind, tilt):
+    """A lamp 3 m above x = 0, turned by `tilt` [rad] from straight down towards +x."""
+    light = bpy.data.lights.new(kind.title(), kind)
+    light.energy = 10.0
+    if kind == "AREA":
+        light.size = 0.02
+    else:
+        light.spot_size, light.shadow_soft_size = math.radians(30.0), 0.01
+    lamp = bpy.data.objects.new(kind.title(), light)
+    lamp.location, lamp.rotation_euler = (0.0, 0.0, 3.0), (0.0, -tilt, 0.0)
+    scene.collection.objects.link(lamp)
+    return lamp
+
+
+@pytest.fixture
+def long_floor(scene, flake_map):
+    """A floor from x = -1 to 9, and a camera 3 m above x = -1: a lamp as high above x = 0 is mirrored near it."""
+    floor = glinting_plane(scene, flake_map, "Floor", x=4.0, roughness=0.1)
+    floor.scale.x = 5.0
+    floor.active_material.node_tree.nodes["Glint BSDF"].inputs["Strength"].default_value = 0.05
+    cycles.add_camera(scene, (-1.0, 0.0, 3.0), (1.0, 0.0, 0.0), angle=1.5)
+    return floor
+
+
+@pytest.mark.parametrize(("kind", "tilt"), [("SPOT", 60.0), ("AREA", 135.0)])
+def test_a_lamp_that_is_mirrored_only_where_it_does_not_shine_is_left_out(scene, long_floor, kind, tilt):
+    lamp = wall_lamp(scene, kind, 0.0)
+    assert prepare_scene(scene)["hints"] == [lamp.name]
+    lamp.rotation_euler.y = -math.radians(tilt)
+    report = prepare_scene(scene)
+    assert report["hints"] == [] and report["skipped_lights"] == [[lamp.name, OUT_OF_REACH]]
+
+
+def test_where_the_lamp_or_its_cone_moves_nothing_is_said_of_where_it_does_not_shine(scene, long_floor):
+    lamp = wall_lamp(scene, "SPOT", math.radians(60.0))
+    lamp.data.keyframe_insert("spot_size", frame=1)
+    assert prepare_scene(scene)["hints"] == ["Spot"]
+    lamp.data.animation_data_clear()
+    for frame, tilt in ((1, 60.0), (10, 0.0)):
+        lamp.rotation_euler.y = -math.radians(tilt)
+        lamp.keyframe_insert("rotation_euler", frame=frame)
+    scene.frame_set(1)
+    assert prepare_scene(scene)["hints"] == ["Spot"]
+
+
 @pytest.mark.parametrize("shape", ["plane", "ball"])
 def test_a_light_that_some_facet_mirrors_is_never_called_out_of_reach(scene, shape):
     """Against half vectors at many points of the surface, for lamps, suns and cameras at random."""
