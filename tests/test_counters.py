@@ -248,8 +248,8 @@ def test_more_samples_mean_smaller_footprints():
     assert scene.cycles.samples == 1 and counters(scene, material).visited.mean() == seen[0], "the scene is as before"
 
 
-@pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
-@pytest.mark.parametrize("suns", [1, 2, 4, 8])
+# Each number of lights once: Linear maps and Closest ones read their counts alike.
+@pytest.mark.parametrize(("interpolation", "suns"), [("LINEAR", 1), ("CLOSEST", 2), ("LINEAR", 4), ("CLOSEST", 8)])
 def test_far_views_read_the_counts_of_a_few_blocks_whatever_the_distance(interpolation, suns):
     near = counts_of(texels=100, interpolation=interpolation, suns=suns)
     far = counts_of(texels=1600, interpolation=interpolation, suns=suns)
