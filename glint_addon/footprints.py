@@ -20,7 +20,7 @@ FOOTPRINT_SCALE = 1.1
 FOOTPRINT_EXPONENT = 0.21
 # Largest side of a block relative to the footprint's short semi-axis, for the shader to count blocks: osl/counts.h. The
 # smallest blocks there are serve nearer footprints too, long ones most; these take larger blocks, not more of them.
-FAR_SIDE = 0.6
+FAR_SIDE = 0.7
 FAR_SIDE_SUBSET = 2.5
 FAR_SIDE_LONG = 2.0
 # Where bins are too wide for the lobe, blocks this much larger are taken, whose bins are narrower: osl/counts.h.

@@ -72,11 +72,11 @@ void strengthened_bounds(float strength, output vector low, output vector high)
   high = max(one, other);
 }
 
-/* Sides of the texture that holds a list of `texels`: powers of two, as nearly alike as they can be. Twin: list_shape(). */
+/* Sides of the texture that holds a list of `texels`: powers of two, one row if it can be. Twin: list_shape(). */
 void list_shape(int texels, output int log_width, output float inverse_width, output float inverse_height)
 {
   log_width = 4;
-  while (log_width < 13 && (1 << (2 * log_width)) < texels) {
+  while (log_width < 23 && (1 << log_width) < texels) {
     log_width += 1;
   }
   int rows = 1;

@@ -127,7 +127,7 @@ def test_materials_that_read_a_map_alike_share_its_counts(scene, plane, tmp_path
 def test_each_way_of_reading_a_map_is_named_in_the_report(scene, plane, tmp_path):
     look(scene, 64)
     plane.data.materials.append(create_glint_material("Smooth", tmp_path / "flakes.png"))
-    assert prepare_scene(scene)["levels"] == {group_of(plane, 0).name: BLOCKS, group_of(plane, 1).name: [32, 128]}
+    assert prepare_scene(scene)["levels"] == {group_of(plane, 0).name: BLOCKS, group_of(plane, 1).name: [16, 128]}
 
 
 def test_two_scenes_keep_the_levels_of_both(scene, plane):

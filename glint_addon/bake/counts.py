@@ -6,7 +6,7 @@ Texture Mapping", SIGGRAPH 1984), in blocks of several sizes, so that a footprin
 
 * Elements: texels (Closest), or bilinear patches between texel centres (Linear; the map repeats), cut in k x k
   sub-points of 1 / k^2 each. Patch (i, j), whose lower left corner is texel (i, j), belongs to the block of that texel.
-* Blocks: of side B = 64, 128, ... texels (Closest) or 32, 64, ... (Linear), in groups of 2 x 2, up to the side where
+* Blocks: of side B = 64, 128, ... texels (Closest) or 16, 32, ... (Linear), in groups of 2 x 2, up to the side where
   one group is the whole map. The sides are stretched so that whole groups fill the map, whatever its size.
 * Slope: (n.x / n.z, n.y / n.z) of the map's own normals, Strength not applied. Normals with n.z <= 0 and slopes outside
   the box (see `slope_box`) are not counted: the shader meets them by chance alone.
@@ -19,6 +19,10 @@ because Cycles fetches exactly only at (i + 0.5) / 2^n. Texel t of the list lies
 * from 1 on, for each level in rising B, each group row by row, each j, each i below `corners`: the number of elements
   whose bin is below i along slope u and below j along slope v, in the group's four blocks (R: low u low v, G: high u
   low v, B: low u high v, A: high u high v). So (0, *) and (*, 0) are 0, and the last corner has all in the box.
+
+Small blocks, up to PACKED texels, hold few elements and would take most of the memory: there two groups share texels, the
+2g-th and the (2g+1)-th of a level's list. Each number is then a + PACKED_STEP b, of the first and the second group, whole
+numbers of `packed_unit` elements, which a float32 holds exactly.
 """
 
 from __future__ import annotations
@@ -34,24 +38,26 @@ from .progress import Steps
 from .slope_counts import group_counts, slope_box
 
 MAGIC = 7927.0  # in no table of another kind
-VERSION = 3  # part of the content address: raise it when the layout, the bins or the samples change
+VERSION = 5  # part of the content address: raise it when the layout, the bins or the samples change
 SUFFIX = ".exr"
-FIRST_BLOCK = {"CLOSEST": 64, "LINEAR": 32}  # texels; below, the shader enumerates elements
+FIRST_BLOCK = {"CLOSEST": 64, "LINEAR": 16}  # texels; below, the shader enumerates elements
 # Corners of the slope grid along each axis, by block side: more as blocks hold more elements, and so many that all
 # levels of a square map whose side is a power of two fit 16 bytes a texel with the padding.
 CORNERS = {
     "CLOSEST": {64: 88, 128: 136, 256: 184, 512: 232, 1024: 256},
-    "LINEAR": {32: 46, 64: 64, 128: 90, 256: 128, 512: 160, 1024: 192},
+    "LINEAR": {16: 28, 32: 46, 64: 64, 128: 90, 256: 128, 512: 160, 1024: 192},
 }
 LARGEST_LISTED = 1024  # texels: larger blocks have as many corners
+PACKED = {"CLOSEST": 0, "LINEAR": 64}  # texels: largest side of blocks of which two groups share texels
+PACKED_STEP = 4096  # two numbers below it fit the 24 bits of a float32
 # Sub-points of a patch along each axis (Linear), by block side: the fewer patches a block holds, the more. Relative
 # RMSE of the NDF of one block against 12 x 12, bumps 4 texels wide, alpha 0.01: 32: 6.5 % with 4; 64: 5.1 % with 3,
 # 3.2 % with 4; 128: 4.7 % with 2, 1.5 % with 4; 256: 2.3 % with 2, 1.2 % with 3; 512: 1.2 % with 2. A footprint
 # averages several blocks.
-SUB_POINTS = {32: 6, 64: 4, 128: 4, 256: 3}
+SUB_POINTS = {16: 6, 32: 6, 64: 4, 128: 4, 256: 3}
 SUB_POINTS_ABOVE = 2
 BOX = ("glint:low", "glint:high")  # slope box in the file's header: quantiles of a large map take seconds
-BOXED, COUNTED = 0.05, 0.8  # part of the work that is done when the box is known, and when the counts are in memory
+BOXED, COUNTED = 0.05, 0.96  # part of the work that is done when the box is known, and when the counts are in memory
 
 
 def groups(size: int, block: int) -> int:
@@ -77,10 +83,33 @@ def sub_points(block: int, interpolation: str) -> int:
     return SUB_POINTS.get(block, SUB_POINTS_ABOVE) if interpolation == "LINEAR" else 0
 
 
+def packed_unit(width: int, height: int, block: int, interpolation: str) -> float:
+    """Elements that one step of a packed count stands for, so that the fullest block fits; 0 where none is packed."""
+    if block > PACKED[interpolation]:
+        return 0.0
+    fullest = -(-width // (2 * groups(width, block))) * -(-height // (2 * groups(height, block)))
+    return fullest / (PACKED_STEP - 1)
+
+
+def level_texels(width: int, height: int, block: int, interpolation: str) -> int:
+    """Texels of the list that a level takes."""
+    count = groups(width, block) * groups(height, block)
+    stored = -(-count // 2) if block <= PACKED[interpolation] else count
+    return stored * corners(block, interpolation) ** 2
+
+
 def block_edges(size: int, block: int) -> np.ndarray:
     """First texel of each block (two in a group) along a side of `size` texels, and `size` itself."""
     count = 2 * groups(size, block)
     return np.arange(count + 1) * size // count
+
+
+def group_edges(width: int, height: int, block: int):
+    """First, middle and end texel along u and along v of each group of a level, row by row."""
+    edges_u, edges_v = block_edges(width, block), block_edges(height, block)
+    for v in range(0, len(edges_v) - 1, 2):
+        for u in range(0, len(edges_u) - 1, 2):
+            yield edges_u[u : u + 3], edges_v[v : v + 3]
 
 
 def stored_levels(width: int, height: int, interpolation: str, levels: tuple[int, int]) -> tuple[int, ...]:
@@ -97,10 +126,8 @@ def stored_levels(width: int, height: int, interpolation: str, levels: tuple[int
 
 def file_size(width: int, height: int, interpolation: str, levels: tuple[int, int]) -> tuple[int, int]:
     """(width, height) in texels of the file with the `levels` of a map of `width` x `height` texels."""
-    texels = 1 + sum(
-        groups(width, block) * groups(height, block) * corners(block, interpolation) ** 2
-        for block in stored_levels(width, height, interpolation, levels)
-    )
+    blocks = stored_levels(width, height, interpolation, levels)
+    texels = 1 + sum(level_texels(width, height, block, interpolation) for block in blocks)
     return list_shape(texels)
 
 
@@ -119,13 +146,17 @@ def counts_texels(normals, interpolation: str, levels: tuple[int, int], box, pro
     steps = Steps(progress, width * height * sum(max(k * k, 1) for k in points))
     start = 1
     for block, k in zip(blocks, points, strict=True):
+        size = level_texels(width, height, block, interpolation)
+        unit = packed_unit(width, height, block, interpolation)
         side = corners(block, interpolation)
-        edges_u, edges_v = block_edges(width, block), block_edges(height, block)
-        for v in range(0, len(edges_v) - 1, 2):
-            for u in range(0, len(edges_u) - 1, 2):
-                group = group_counts(normals, edges_u[u : u + 3], edges_v[v : v + 3], side, k, box, steps.add)
-                texels[start : start + side * side] = group.reshape(-1, 4)
-                start += side * side
+        level = texels[start : start + size].reshape(-1, side, side, 4)
+        for g, (edges_u, edges_v) in enumerate(group_edges(width, height, block)):
+            group = group_counts(normals, edges_u, edges_v, side, k, box, steps.add)
+            if unit:
+                level[g // 2] += np.rint(group / unit) * (PACKED_STEP if g % 2 else 1)
+            else:
+                level[g] = group
+        start += size
     return texels.reshape(rows, file_width, 4)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import TableError
 from .progress import Steps
 
-SMALLEST_WIDTH, LARGEST_WIDTH = 16, 8192  # of a list's file, in texels
+SMALLEST_WIDTH, LARGEST_WIDTH = 16, 1 << 23  # of a list's file, in texels
 ROWS = 32  # written at a time: no copy of a whole picture, and two blocks of compressed rows for two threads
 
 
@@ -36,12 +36,13 @@ def content_digest(heading: str, pixels: np.ndarray) -> str:
 
 
 def list_shape(texels: int) -> tuple[int, int]:
-    """(width, height) of a file for a list of `texels` texels: powers of two, as nearly alike as they can be.
+    """(width, height) of a file for a list of `texels` texels: powers of two, one row if it can be.
 
-    Cycles fetches exactly only at (i + 0.5) / 2^n.
+    Cycles fetches exactly only at (i + 0.5) / 2^n, which float32 holds for n up to 23. It reads the texel above too, unless
+    there is none, and that is seldom in the processor's cache.
     """
     width = SMALLEST_WIDTH
-    while width < LARGEST_WIDTH and width**2 < texels:
+    while width < LARGEST_WIDTH and width < texels:
         width *= 2
     return width, 1 << (-(-texels // width) - 1).bit_length()
 
