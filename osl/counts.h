@@ -14,7 +14,7 @@
  */
 
 #define COUNTS_MAGIC 7927.0
-/* Largest side in texels of blocks (Linear) of which two groups share texels: a number is a + PACKED_STEP b. */
+/* Largest side in texels of blocks of which two groups share texels: a number is a + PACKED_STEP b. */
 #define PACKED 64
 #define PACKED_STEP 4096.0
 
@@ -77,7 +77,7 @@ int level_corners(int block, int is_linear)
   if (is_linear) {
     return block <= 16 ? 28 : block <= 32 ? 46 : block <= 64 ? 64 : block <= 128 ? 90 : block <= 256 ? 128 : block <= 512 ? 160 : 192;
   }
-  return block <= 64 ? 88 : block <= 128 ? 136 : block <= 256 ? 184 : block <= 512 ? 232 : 256;
+  return block <= 32 ? 56 : block <= 64 ? 88 : block <= 128 ? 120 : block <= 256 ? 168 : block <= 512 ? 192 : 208;
 }
 
 /* Groups of blocks of that side along `size` texels. */
@@ -93,7 +93,7 @@ int texels_before(Counts counts, int block, int width, int height, int is_linear
   for (int side = counts.first; side < block; side *= 2) {
     int corners = level_corners(side, is_linear);
     int groups = level_groups(width, side) * level_groups(height, side);
-    texels += (is_linear && side <= PACKED ? (groups + 1) / 2 : groups) * corners * corners;
+    texels += (side <= PACKED ? (groups + 1) / 2 : groups) * corners * corners;
   }
   return texels;
 }
@@ -110,7 +110,7 @@ Level counts_level(Counts counts, int block, int width, int height, int is_linea
   level.group_u = width / (float)level.columns;
   level.group_v = height / (float)level.rows;
   level.unit = 0.0;
-  if (is_linear && block <= PACKED) {
+  if (block <= PACKED) {
     int columns = 2 * level.columns;
     int rows = 2 * level.rows;
     level.unit = (width + columns - 1) / columns * ((height + rows - 1) / rows) / (PACKED_STEP - 1.0);

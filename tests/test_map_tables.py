@@ -20,8 +20,8 @@ from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 from tests.test_prepare import plain, state, tables
 
-SIDE = 256  # texels; the map's blocks are 64 and 128 wide
-BLOCKS = [64, 128]
+SIDE = 256  # texels; the map's blocks are 32, 64 and 128 wide
+BLOCKS = [32, 128]
 PLANE = 2.0  # metres
 PIXELS = 32
 MIB = 2**20
@@ -73,13 +73,13 @@ def test_a_near_view_bakes_no_counts_and_a_far_one_bakes_the_levels_it_reaches(s
     look(scene, 64)
     report = prepare_scene(scene)
     (path,) = counts_files(report, "baked")
-    assert report["levels"] == {"flakes.png": BLOCKS} and path.endswith("_64_128.exr")
+    assert report["levels"] == {"flakes.png": BLOCKS} and path.endswith("_32_128.exr")
     # And the index; the table of normals was there.
     assert report["counts"]["tables_baked"] == 2 and report["counts"]["tables_in_use"] == 3
     assert group_of(plane).nodes[glint_bsdf.SCRIPT_NODE].inputs["IndexTable"].default_value in report["baked"]
     low, high = counts.slope_box(decoded_normals(image_pixels(group_of(plane)["glint_image"])))
     assert shown(group_of(plane)) == {
-        "CountsTable": path, "CountsFirst": 64, "CountsLevels": 2, "BinLow": (*low, 0), "BinHigh": (*high, 0)}
+        "CountsTable": path, "CountsFirst": 32, "CountsLevels": 3, "BinLow": (*low, 0), "BinHigh": (*high, 0)}
 
 
 def test_prepared_again_the_counts_are_found_without_reading_the_image(scene, plane, tmp_path):

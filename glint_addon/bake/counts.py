@@ -6,7 +6,7 @@ Texture Mapping", SIGGRAPH 1984), in blocks of several sizes, so that a footprin
 
 * Elements: texels (Closest), or bilinear patches between texel centres (Linear; the map repeats), cut in k x k
   sub-points of 1 / k^2 each. Patch (i, j), whose lower left corner is texel (i, j), belongs to the block of that texel.
-* Blocks: of side B = 64, 128, ... texels (Closest) or 16, 32, ... (Linear), in groups of 2 x 2, up to the side where
+* Blocks: of side B = 32, 64, ... texels (Closest) or 16, 32, ... (Linear), in groups of 2 x 2, up to the side where
   one group is the whole map. The sides are stretched so that whole groups fill the map, whatever its size.
 * Slope: (n.x / n.z, n.y / n.z) of the map's own normals, Strength not applied. Normals with n.z <= 0 and slopes outside
   the box (see `slope_box`) are not counted: the shader meets them by chance alone.
@@ -38,17 +38,17 @@ from .progress import Steps
 from .slope_counts import group_counts, slope_box
 
 MAGIC = 7927.0  # in no table of another kind
-VERSION = 5  # part of the content address: raise it when the layout, the bins or the samples change
+VERSION = 6  # part of the content address: raise it when the layout, the bins or the samples change
 SUFFIX = ".exr"
-FIRST_BLOCK = {"CLOSEST": 64, "LINEAR": 16}  # texels; below, the shader enumerates elements
+FIRST_BLOCK = {"CLOSEST": 32, "LINEAR": 16}  # texels; below, the shader enumerates elements
 # Corners of the slope grid along each axis, by block side: more as blocks hold more elements, and so many that all
 # levels of a square map whose side is a power of two fit 16 bytes a texel with the padding.
 CORNERS = {
-    "CLOSEST": {64: 88, 128: 136, 256: 184, 512: 232, 1024: 256},
+    "CLOSEST": {32: 56, 64: 88, 128: 120, 256: 168, 512: 192, 1024: 208},
     "LINEAR": {16: 28, 32: 46, 64: 64, 128: 90, 256: 128, 512: 160, 1024: 192},
 }
 LARGEST_LISTED = 1024  # texels: larger blocks have as many corners
-PACKED = {"CLOSEST": 0, "LINEAR": 64}  # texels: largest side of blocks of which two groups share texels
+PACKED = 64  # texels: largest side of blocks of which two groups share texels
 PACKED_STEP = 4096  # two numbers below it fit the 24 bits of a float32
 # Sub-points of a patch along each axis (Linear), by block side: the fewer patches a block holds, the more. Relative
 # RMSE of the NDF of one block against 12 x 12, bumps 4 texels wide, alpha 0.01: 32: 6.5 % with 4; 64: 5.1 % with 3,
@@ -83,9 +83,9 @@ def sub_points(block: int, interpolation: str) -> int:
     return SUB_POINTS.get(block, SUB_POINTS_ABOVE) if interpolation == "LINEAR" else 0
 
 
-def packed_unit(width: int, height: int, block: int, interpolation: str) -> float:
+def packed_unit(width: int, height: int, block: int) -> float:
     """Elements that one step of a packed count stands for, so that the fullest block fits; 0 where none is packed."""
-    if block > PACKED[interpolation]:
+    if block > PACKED:
         return 0.0
     fullest = -(-width // (2 * groups(width, block))) * -(-height // (2 * groups(height, block)))
     return fullest / (PACKED_STEP - 1)
@@ -94,7 +94,7 @@ def packed_unit(width: int, height: int, block: int, interpolation: str) -> floa
 def level_texels(width: int, height: int, block: int, interpolation: str) -> int:
     """Texels of the list that a level takes."""
     count = groups(width, block) * groups(height, block)
-    stored = -(-count // 2) if block <= PACKED[interpolation] else count
+    stored = -(-count // 2) if block <= PACKED else count
     return stored * corners(block, interpolation) ** 2
 
 
@@ -147,7 +147,7 @@ def counts_texels(normals, interpolation: str, levels: tuple[int, int], box, pro
     start = 1
     for block, k in zip(blocks, points, strict=True):
         size = level_texels(width, height, block, interpolation)
-        unit = packed_unit(width, height, block, interpolation)
+        unit = packed_unit(width, height, block)
         side = corners(block, interpolation)
         level = texels[start : start + size].reshape(-1, side, side, 4)
         for g, (edges_u, edges_v) in enumerate(group_edges(width, height, block)):
