@@ -273,6 +273,19 @@ def test_far_views_without_counts_and_index_visit_and_return_no_more_than_the_bo
     assert 8 < seen.closures.max() <= LARGEST_CLOSURES
 
 
+def test_a_far_ball_whose_footprints_turn_more_than_counts_may_is_not_left_to_a_random_subset():
+    scene, plane, material = build(texels=100, interpolation="CLOSEST")
+    bpy.data.objects.remove(plane)
+    stage.add_sphere(scene, material, centre=(0, 0, 0), radius=0.4, repeats=(80.0, 40.0))
+    prepare_scene(scene)
+    seen = counters(scene, material)
+    # A pixel turns the surface by 0.16 and more, a light's region is 0.03 wide: counts may turn by twice as much.
+    assert (seen.mode[seen.seen] == MODE["COUNTS"]).mean() > 0.25
+    assert (seen.mode[seen.seen] == MODE["SUBSET"]).mean() < 0.1  # it was 0.4
+    # Beyond, facets that mirror the light are steeper than the map's, though some of them lie behind the half vector.
+    assert (seen.reason[seen.seen] == REASON["NOT_REACHED"]).mean() > 0.55  # it was 0.5
+
+
 def test_the_shader_and_the_lights_group_agree_on_their_constants():
     """Numbers written in Python and read in OSL."""
     headers = ("light_hint.h", "selection.h", "query.h", "counts.h")
