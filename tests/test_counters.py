@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import bpy
@@ -93,6 +94,41 @@ def test_a_light_moved_to_where_no_normal_can_mirror_it_costs_the_fetches_of_a_p
     assert_plain(seen, "NOT_REACHED", [PLAIN_FETCHES, PLAIN_FETCHES + SEAM_FETCHES])
     # The map repeats every 25 pixels, so a row and a column of the picture may meet its edges.
     assert (seen.fetches == PLAIN_FETCHES).mean() > 0.85
+
+
+def lamp_over_the_middle(scene, kind, tilt):
+    """A lamp 4 m from the middle of the view, as high as the camera and opposite; turned from there by `tilt` [rad]."""
+    data = bpy.data.lights.new("Lamp", kind)
+    if kind == "AREA":
+        data.size = 0.05
+    else:
+        data.spot_size, data.shadow_soft_size = 0.5, 0.02
+    lamp = bpy.data.objects.new("Lamp", data)
+    lamp.location, lamp.rotation_euler = (0, 3, 3), (-math.pi / 4 + tilt, 0, 0)
+    scene.collection.objects.link(lamp)
+    return lamp
+
+
+@pytest.mark.parametrize(("kind", "away"), [("AREA", 1.75), ("SPOT", 0.6)])
+def test_where_a_lamp_does_not_shine_behind_it_or_outside_its_cone_the_map_is_not_queried(kind, away):
+    scene, _, material = build(texels=10, suns=0)
+    lamp = lamp_over_the_middle(scene, kind, 0.0)
+    prepare_scene(scene)
+    before = counters(scene, material)
+    assert (before.hints == 1).all() and before.visited.max() > 1
+    lamp.rotation_euler.x += away
+    after = counters(scene, material)
+    assert_plain(after, "NOT_REACHED", [PLAIN_FETCHES, PLAIN_FETCHES + SEAM_FETCHES])
+
+
+def test_at_the_edge_of_a_cone_the_map_is_queried_where_the_light_is():
+    scene, _, material = build(texels=10, suns=0)
+    lamp_over_the_middle(scene, "SPOT", 0.25)
+    prepare_scene(scene)
+    asked = counters(scene, material).hints
+    assert 0.2 < asked.mean() < 0.8
+    # The upper half of the view is further from the camera, and nearer to the lamp.
+    assert abs(asked[:8].mean() - asked[8:].mean()) > 0.5
 
 
 def test_without_strength_the_map_is_not_queried():

@@ -7,6 +7,7 @@ from glint_addon.errors import SceneError
 from glint_addon.lights.drivers import connect_hints
 from glint_addon.lights.hints import scene_hints
 from glint_addon.nodes import GROUPS, glint_lights
+from glint_addon.nodes.builder import STAMP
 from glint_addon.nodes.driven import driver_curve
 from tests.helpers import cycles
 
@@ -29,13 +30,14 @@ def shown(scene):
     return cycles.rendered(scene)[2, 2, :3].tolist()
 
 
-def test_the_group_has_no_inputs_and_two_vectors_for_each_light_and_the_samples():
+def test_the_group_has_no_inputs_and_three_vectors_for_each_light_and_the_samples():
     group = glint_lights.build()
     items = [(item.name, item.in_out, item.socket_type) for item in group.interface.items_tree]
     expected = []
     for slot in range(1, 9):
         expected += [(f"{name} {slot}", "OUTPUT", "NodeSocketVector") for name in ("Light", "Shape")]
-    assert items == [*expected, *((name, "OUTPUT", "NodeSocketFloat") for name in ("Samples", "Closures"))]
+    expected += [(name, "OUTPUT", "NodeSocketFloat") for name in ("Samples", "Closures")]
+    assert items == expected + [(f"Axis {slot}", "OUTPUT", "NodeSocketVector") for slot in range(1, 9)]
     assert all(item.description for item in group.interface.items_tree)
 
 
@@ -52,6 +54,22 @@ def test_building_twice_gives_the_same_group_and_the_menu_knows_it(scene):
     assert glint_lights.build() == group
     assert len(group.animation_data.drivers) == drivers == 2
     assert [tree.name for tree in bpy.data.node_groups] == ["Glint Lights"]
+
+
+def test_a_group_of_version_1_gets_its_axes_once_and_keeps_its_lights(scene):
+    group = glint_lights.build()
+    sockets = [item.name for item in group.interface.items_tree]
+    for slot in range(1, 9):
+        name = glint_lights.axis_name(slot)
+        group.nodes.remove(group.nodes[name])
+        group.interface.remove(group.interface.items_tree[name])
+    group[STAMP] = 1
+    group.nodes["Light 2"].inputs["X"].default_value = 3.0
+    for _ in range(2):
+        assert glint_lights.build() == group and group[STAMP] == glint_lights.VERSION
+        assert [item.name for item in group.interface.items_tree] == sockets
+    test_every_output_is_linked_and_every_node_labelled()
+    assert len(group.nodes) == 8 * 3 + 3 and group.nodes["Light 2"].inputs["X"].default_value == 3.0
 
 
 def test_a_foreign_group_of_that_name_is_refused(scene):

@@ -52,6 +52,21 @@ def names(scene):
     return [hint.name for hint in scene_hints(scene)[0]]
 
 
+@pytest.mark.parametrize(("scale", "cone"), [((2, 2, 2), 0.3), ((2, 1, 1), 0.0)])
+def test_the_cone_of_an_instanced_spot_is_known_where_its_empty_does_not_stretch_it(scene, scale, cone):
+    add_glints(scene)
+    spot = add_lamp(scene, "SPOT", spot_size=0.6)
+    empty = add_instance(scene, fixture(scene, spot))
+    empty.rotation_euler, empty.scale = (0.2, 0.3, 0.0), scale
+    bpy.context.view_layer.update()
+    (slot,) = connected(scene).values()
+    group = glint_lights.build().evaluated_get(bpy.context.evaluated_depsgraph_get())
+    axis = Vector([group.nodes[f"Axis {slot}"].inputs[each].default_value for each in "XYZ"])
+    assert slot_values(slot)[1][2] == pytest.approx(cone, rel=1e-5)
+    expected = (empty.matrix_world @ spot.matrix_world).col[2].to_3d().normalized()
+    assert (axis - expected).length < DIRECTION_TOLERANCE if cone else axis.length == 0.0
+
+
 def test_lights_of_an_instanced_collection_are_followed_with_their_empty(scene):
     pick = random.Random(3)
     add_glints(scene)

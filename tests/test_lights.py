@@ -15,6 +15,7 @@ from glint_addon.errors import SceneError
 from glint_addon.lights.drivers import connect_hints, disconnect
 from glint_addon.lights.hint import Hint
 from glint_addon.lights.hints import scene_hints
+from glint_addon.lights.shutter import shutter_ways
 from glint_addon.lights.size import light_size
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_lights import HINT_COUNT, KIND_LOCAL, KIND_SUN
@@ -64,6 +65,12 @@ def slot_values(group, slot):
     nodes = group.evaluated_get(bpy.context.evaluated_depsgraph_get()).nodes
     vectors = [nodes[f"{name} {slot}"] for name in ("Light", "Shape")]
     return [[node.inputs[axis].default_value for axis in SOCKETS] for node in vectors]
+
+
+def axis_of(group, slot=1):
+    """Evaluated Axis of `slot`."""
+    node = group.evaluated_get(bpy.context.evaluated_depsgraph_get()).nodes[f"Axis {slot}"]
+    return [node.inputs[axis].default_value for axis in SOCKETS]
 
 
 def towards(lamp):
@@ -150,7 +157,7 @@ def test_sizes_of_scaled_lights_are_those_of_cycles(stage, kind, settings, expec
     lamp.scale = (2, -3, 5)
     group = connected(stage)
     place, shape = slot_values(group, 1)
-    assert shape == pytest.approx([KIND_SUN if kind == "SUN" else KIND_LOCAL, expected, 0], rel=SIZE_TOLERANCE)
+    assert shape[:2] == pytest.approx([KIND_SUN if kind == "SUN" else KIND_LOCAL, expected], rel=SIZE_TOLERANCE)
     assert light_size(lamp) == pytest.approx(expected, rel=SIZE_TOLERANCE)
     assert place == pytest.approx((0, 0, 1) if kind == "SUN" else (0, 0, 5))
 
@@ -174,6 +181,55 @@ def test_the_radius_is_what_a_camera_sees_of_the_scaled_light(kind, shape):
     furthest = np.hypot(*centres).max()
     # The furthest lit pixel centre lies within a pixel's diagonal of the edge.
     assert light_size(lamp) - 1.5 * pixel < furthest < light_size(lamp) + 0.1 * pixel
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings", "cone"),
+    [
+        ("POINT", {}, 0.0),
+        ("SUN", {}, 0.0),
+        ("AREA", {}, math.pi / 2),
+        ("AREA", {"spread": 0.6}, 0.3),
+        ("SPOT", {"spot_size": 0.6}, math.atan(math.tan(0.3) * 3 / 5)),
+        ("SPOT", {"spot_size": math.pi}, math.atan(math.tan(1.57) * 3 / 5)),
+    ],
+)
+def test_the_cone_in_which_a_light_shines_and_its_axis_follow_the_light(stage, kind, settings, cone):
+    lamp = add_lamp(stage, "Lamp", kind, **settings)
+    lamp.scale, lamp.rotation_euler = (2, -3, 5), (0.3, 0.4, 0.5)
+    group = connected(stage)
+    assert slot_values(group, 1)[1][2] == pytest.approx(cone, rel=SIZE_TOLERANCE)
+    axis = Vector(axis_of(group))
+    assert (axis - towards(lamp)).length < DIRECTION_TOLERANCE if cone else axis.length == 0.0
+    lamp.rotation_euler = (2.0, 1.0, 0.0)
+    bpy.context.view_layer.update()
+    assert (Vector(axis_of(group)) - towards(lamp)).length < DIRECTION_TOLERANCE or not cone
+
+
+def test_an_animated_cone_is_followed(stage):
+    spot = add_lamp(stage, "Spot", "SPOT", spot_size=0.4)
+    spot.data.keyframe_insert("spot_size", frame=1)
+    spot.data.spot_size = 1.2
+    spot.data.keyframe_insert("spot_size", frame=2)
+    group = connected(stage)
+    for frame, half in ((1, 0.2), (2, 0.6)):
+        stage.frame_set(frame)
+        assert slot_values(group, 1)[1][2] == pytest.approx(half, rel=SIZE_TOLERANCE)
+
+
+@pytest.mark.parametrize(("position", "followed"), [("CENTER", True), ("START", False), ("END", False)])
+@pytest.mark.parametrize("channel", ["location", "rotation_euler"])
+def test_no_cone_is_known_of_a_lamp_that_the_middle_of_the_shutter_shows_elsewhere(stage, position, followed, channel):
+    spot = add_lamp(stage, "Spot", "SPOT", spot_size=0.4)
+    for frame, value in ((1, 0.0), (2, 1.0)):
+        setattr(spot, channel, (value, 0.0, 5.0))
+        spot.keyframe_insert(channel, frame=frame)
+    stage.frame_start, stage.frame_end = 1, 2
+    stage.render.use_motion_blur, stage.render.motion_blur_position = True, position
+    hints, _ = scene_hints(stage)
+    group = glint_lights.build()
+    connect_hints(group, stage, hints, shutter_ways(stage, stage.view_layers[:], hints))
+    assert bool(slot_values(group, 1)[1][2]) == any(axis_of(group)) == followed
 
 
 def test_keyed_lights_are_followed_through_the_frames(stage):
@@ -309,7 +365,7 @@ def test_every_expression_is_evaluated_without_python(stage):
     for kind in ("POINT", "SPOT", "SUN"):
         add_lamp(stage, kind, kind)
     group = connected(stage)
-    assert len(group.animation_data.drivers) == 2 + 7 * 5
+    assert len(group.animation_data.drivers) == 2 + 7 * 5 + 5 * 4, "of areas and spots the cone and its axis too"
     for curve in group.animation_data.drivers:
         assert curve.driver.is_simple_expression, curve.driver.expression
         assert curve.driver.is_valid
@@ -356,7 +412,7 @@ def test_lights_linked_from_a_library_are_followed(stage, tmp_path):
     for thing in wanted.objects:
         stage.collection.objects.link(thing)
     group = connected(stage)
-    assert slot_values(group, 1) == [pytest.approx((7, 8, 9)), pytest.approx([KIND_LOCAL, 1.5, 0])]
+    assert slot_values(group, 1) == [pytest.approx((7, 8, 9)), pytest.approx([KIND_LOCAL, 1.5, math.pi / 2])]
     assert (Vector(slot_values(group, 2)[0]) - direction).length < DIRECTION_TOLERANCE
 
 

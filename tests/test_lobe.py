@@ -11,9 +11,12 @@ import pytest
 from demo_scenes import maps
 from demo_scenes.truth import truth_material
 from glint_addon.material import create_glint_material
+from glint_addon.nodes import glint_lights
+from glint_addon.nodes.driven import write_number
 from glint_addon.prepare import prepare_scene
 
 from .helpers import cycles
+from .helpers.counters import counters
 from .helpers.seeds import rendered_seeds
 
 SIZE = 24
@@ -152,6 +155,36 @@ def test_every_kind_of_light_has_the_right_mean(light, distribution):
                                       distribution=distribution)
     assert report["hints"]
     assert_same_mean(nodes, lobe)
+
+
+CONES = {
+    "area": ("AREA", {"size": 0.2}),
+    "disk with spread": ("AREA", {"shape": "DISK", "size": 0.3, "spread": 0.8}),
+    "soft spot with blend": ("SPOT", {"spot_size": 0.3, "spot_blend": 1.0, "shadow_soft_size": 0.2}),
+    "stretched spot": ("SPOT", {"spot_size": 0.3, "spot_blend": 0.0, "shadow_soft_size": 0.02}),
+}
+
+
+@pytest.mark.parametrize("name", CONES)
+def test_points_on_which_a_lamp_does_not_shine_lose_nothing_by_not_looking_for_it(name):
+    """At the same seeds the picture is that of a lamp which is looked for everywhere."""
+    kind, settings = CONES[name]
+    scene, thing, image = stage()
+    lamp = add_light(scene, kind, (0, 1.0, 0.8), target=(0.3, 0.2, 0), **settings)
+    if kind == "AREA":
+        lamp.rotation_euler = (-0.3, math.pi / 2 - 0.2, 0.0)
+        lamp.rotation_euler.y -= 0.7 if "spread" in name else 0.0
+    if name.startswith("stretched"):
+        lamp.scale = (3.0, 1.0, 1.5)
+    thing.material_slots[0].material = material = create_glint_material("Glint", image, roughness=0.25)
+    report = prepare_scene(scene)
+    assert report["hints"] == [lamp.name]
+    picture, asked = series(scene, 16, 1), counters(scene, material).hints.mean()
+    write_number(glint_lights.build().nodes["Shape 1"].inputs["Z"], 0.0)
+    assert 0.0 < asked < 0.9 * counters(scene, material).hints.mean()
+    everywhere = series(scene, 16, 1)
+    np.testing.assert_allclose(picture, everywhere, atol=ROUNDING * everywhere.max())
+    assert (picture > 0.0).mean() > 0.05
 
 
 def mirror_uvs(scene, thing):

@@ -254,6 +254,25 @@ def test_the_half_vector_of_suns_and_local_lights():
     assert (np.abs(growth - twin.ball_growth) < bound)[both].all()
 
 
+def test_where_a_light_with_a_cone_shines():
+    rng = np.random.default_rng(16)
+    kind = rng.choice([light_hint.HINT_SUN, light_hint.HINT_LOCAL], ROWS, p=[0.1, 0.9])
+    cone = rng.choice([0.0, np.pi / 2, np.nan], ROWS, p=[0.1, 0.3, 0.6])
+    cone = np.where(np.isnan(cone), rng.uniform(0.01, 1.5, ROWS), cone)
+    shape = np.stack([kind, rng.uniform(0, 1, ROWS), cone], axis=1)
+    inputs, (light, shape, axis) = packed(rng.normal(size=(ROWS, 3)), shape, unit(rng.normal(size=(ROWS, 3))))
+    body = """
+      out[0] = shines_here(vector(in[0], in[1], in[2]), vector(in[3], in[4], in[5]), vector(in[6], in[7], in[8]));
+      out[1] = P[0]; out[2] = P[1]; out[3] = P[2];
+    """
+    osl = evaluate(HINT_HEADERS, body, inputs, 4, rotation=(0.2, 0.3, 0.4)).astype(float)
+    assert_flags_agree(osl[:, 0], *light_hint.shines_here(light, shape, axis, osl[:, 1:]))
+    # A flat lamp shines on its whole front, however near, and nowhere else.
+    front = np.einsum("nk,nk->n", light - osl[:, 1:], axis)
+    flat = (shape[:, 0] == light_hint.HINT_LOCAL) & (shape[:, 2] > light_hint.FLAT_CONE) & (np.abs(front) > ROUNDING)
+    np.testing.assert_array_equal(osl[flat, 0] != 0, front[flat] > 0)
+
+
 HINT_BODY = """
   HalfVector hint;
   hint.f1 = vector(in[0], in[1], in[2]); hint.f2 = vector(in[3], in[4], in[5]); hint.f3 = vector(in[6], in[7], in[8]);

@@ -7,14 +7,16 @@ run. All lengths are in metres, angles in radians, space is the world.
 from __future__ import annotations
 
 from ..errors import SceneError
+from ..motion import is_fixed
 from ..nodes.driven import Driven, Keyed, Variable, write_number
-from ..nodes.glint_lights import HINT_COUNT, KIND_NONE, KIND_SUN, light_name, shape_name
+from ..nodes.glint_lights import HINT_COUNT, KIND_NONE, KIND_SUN, axis_name, light_name, refresh, shape_name
 from .frames import Frame
 from .hint import Hint
 from .shutter_nodes import write_ways
 
 AXES = ("X", "Y", "Z")
 NO_LIGHT = (0.0, 0.0, 0.0)
+EVEN = 1.01  # scales that differ less hardly change a cone
 
 # Half the diagonal of a rectangle, half the longest axis of an ellipse, from the squared lengths of the axes. Cycles
 # scales both by the lengths of the object's world axes (`AreaLight::copy_to_kernel`); under shear the diagonal is
@@ -42,18 +44,22 @@ def connect_hints(group, scene, hints: list[Hint], ways: dict | None = None) -> 
         if hint.object not in present or hint.instance is not None and hint.instance.instancer not in present:
             raise SceneError(f'Light "{hint.name}" is not in scene "{scene.name}": prepare the scene again.')
 
+    refresh(group)
     for slot in range(1, HINT_COUNT + 1):
         hint = hints[slot - 1] if slot <= len(hints) else None
+        cone = _cone(scene, hint, ways or {}) if hint else 0.0
         _write_vector(group, light_name(slot), _place(hint) if hint else NO_LIGHT)
-        _write_vector(group, shape_name(slot), _shape(hint) if hint else NO_LIGHT)
+        _write_vector(group, shape_name(slot), (*_shape(hint), cone) if hint else NO_LIGHT)
+        _write_vector(group, axis_name(slot), _frame(hint).z_axis() if cone else NO_LIGHT)
     write_ways(group, [(ways or {}).get(hint) for hint in hints])
 
 
 def disconnect(group) -> None:
     """Clear every light of the group; the sample count stays driven. Raises SceneError if the group lacks a node."""
+    refresh(group)
     for slot in range(1, HINT_COUNT + 1):
-        _write_vector(group, light_name(slot), NO_LIGHT)
-        _write_vector(group, shape_name(slot), NO_LIGHT)
+        for name in (light_name, shape_name, axis_name):
+            _write_vector(group, name(slot), NO_LIGHT)
     write_ways(group, [])
 
 
@@ -82,13 +88,13 @@ def _place(hint):
 def _shape(hint):
     """Kind and size; the kind falls to none while the light is off or gone: less work, the same picture."""
     if hint.live is not None:
-        return (*hint.live[3:], 0.0)
+        return hint.live[3:]
     if hint.direction is not None:
-        return (hint.kind, hint.size, 0.0)
+        return hint.kind, hint.size
     if _poses(hint):
         kinds = [hint.kind if pose.place else KIND_NONE for pose in _poses(hint)]
-        return (_over_poses(hint, kinds), _over_poses(hint, [pose.size for pose in _poses(hint)]), 0.0)
-    return (_kind(hint), _size(hint), 0.0)
+        return _over_poses(hint, kinds), _over_poses(hint, [pose.size for pose in _poses(hint)])
+    return _kind(hint), _size(hint)
 
 
 def _kind(hint) -> Driven:
@@ -121,6 +127,47 @@ def _size(hint) -> Driven:
     expression = AREA_RADIUS[lamp.data.shape].format(x=frame.squared_length(0), y=frame.squared_length(1))
     sides = (_property("width", lamp, "data.size"), _property("height", lamp, "data.size_y"))
     return frame.driven(expression, *(side for side in sides if side.name in expression))
+
+
+def _cone(scene, hint, ways) -> Driven | float:
+    """Half-angle of the cone in which the light shines, around its -Z; 0.0 where it shines all around, or no driver can
+    tell: a light looked for in vain costs time, never a wrong picture.
+
+    Cycles cuts the spread of area lights at the same angle all round; an object's scale stretches the cones of spots.
+    """
+    light = _source(hint)
+    if light is None or light.type != "LIGHT" or light.data.type not in {"AREA", "SPOT"} or _poses(hint):
+        return 0.0
+    if hint in ways or _may_turn_in_shutter(scene, hint):
+        return 0.0
+    if light.data.type == "AREA":
+        return Driven("spread / 2", (_property("spread", light, "data.spread"),))
+    if hint.instance and not _is_even(hint.instance.instancer.matrix_world):
+        return 0.0
+    own = Frame(light)  # the product of both matrices would not fit the 255 characters of an expression
+    x, y, z = (own.squared_length(column) for column in range(3))
+    # A tangent is negative at pi / 2, rounded up.
+    expression = f"atan(tan(min(angle,3.14)/2)*sqrt(max({x},{y})/max({z},1e-30)))"
+    return own.driven(expression, _property("angle", light, "data.spot_size"))
+
+
+def _is_even(matrix) -> bool:
+    """Whether a world matrix scales all axes alike, and so leaves cones as they are."""
+    lengths = [matrix.col[axis].to_3d().length for axis in range(3)]
+    return max(lengths) <= EVEN * min(lengths)
+
+
+def _may_turn_in_shutter(scene, hint) -> bool:
+    """Whether Cycles may turn the light otherwise than drivers do, which turn it as at the frame: lamps stand as in the
+    middle of the shutter."""
+    if not scene.render.use_motion_blur or scene.render.motion_blur_position == "CENTER":
+        return False
+    things = [_source(hint), hint.instance and hint.instance.instancer]
+    return not all(is_fixed(thing, shape=False) for thing in things if thing is not None)
+
+
+def _source(hint):
+    return hint.instance.source if hint.instance else hint.object
 
 
 def _frame(hint) -> Frame:

@@ -17,7 +17,7 @@ from .driven import Driven, Variable, write_number
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
-VERSION = 7
+VERSION = 8
 SCRIPT_NODE = "Glint"
 LIGHTS_NODE = "Lights"
 CAUSTICS_NODE = "Caustics"
@@ -207,6 +207,7 @@ def _add_nodes(group, binding):
     for index in range(1, glint_lights.HINT_COUNT + 1):
         links.append((lights.outputs[f"Light {index}"], script.inputs[f"Light{index}"]))
         links.append((lights.outputs[f"Shape {index}"], script.inputs[f"Shape{index}"]))
+        links.append((lights.outputs[f"Axis {index}"], script.inputs[f"Axis{index}"]))
 
     # Without OSL the Script node vanishes and the factor takes its own value, 0: Blender's own nodes.
     mix = add_node(group, "ShaderNodeMixShader", "OSL or native", inputs={"Factor": 0.0})

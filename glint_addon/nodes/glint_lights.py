@@ -13,7 +13,7 @@ from . import builder
 from .driven import Driven, Variable, write_number
 
 NAME = "Glint Lights"
-VERSION = 1
+VERSION = 2
 HINT_COUNT = 8  # all hints share the 64 closures of a shading point: 8 leave each of them 8 closures
 
 # Values of a shape's X.
@@ -24,7 +24,11 @@ KIND_LOCAL = 2
 SAMPLES = "Samples"
 CLOSURES = "Closures"
 LIGHT_HELP = "Sun: unit vector towards the light, in world space. Other lights: position in world space, in metres"
-SHAPE_HELP = "X: 0 no light, 1 sun, 2 other light. Y: half-angle of a sun in radians, radius of other lights in metres"
+SHAPE_HELP = (
+    "X: 0 no light, 1 sun, 2 other light. Y: half-angle of a sun in radians, radius of other lights in metres. "
+    "Z: half-angle in radians of the cone in which a light shines, 0 all around"
+)
+AXIS_HELP = "Unit vector in world space that points away from where a light with a cone shines: its object's Z axis"
 
 # Samples of the render under way: the view layer may override the scene's, by one of three rules
 # (0 use, 1 use as an upper bound, 2 ignore), and 0 of its samples means no override.
@@ -54,12 +58,21 @@ def shape_name(slot: int) -> str:
     return f"Shape {slot}"
 
 
+def axis_name(slot: int) -> str:
+    """Name of the output, and of the node behind it, with the axis of light `slot` (1 to HINT_COUNT)."""
+    return f"Axis {slot}"
+
+
 def build() -> bpy.types.ShaderNodeTree:
     """The local group "Glint Lights", built without any light if the file has none.
 
     Raises SceneError if a group of that name exists that the extension did not make.
     """
-    return builder.local_group(NAME) or build_another()
+    group = builder.local_group(NAME)
+    if group is None:
+        return build_another()
+    refresh(group)
+    return group
 
 
 def build_another() -> bpy.types.ShaderNodeTree:
@@ -67,8 +80,17 @@ def build_another() -> bpy.types.ShaderNodeTree:
     group = builder.new_group(NAME, VERSION, "Lights that glints look for, and the number of samples")
     _add_outputs(group)
     _add_nodes(group)
+    _add_axes(group)
     builder.arrange(group)
     return group
+
+
+def refresh(group) -> None:
+    """Give a group of version 1, whose lights have no axes, what it lacks; its lights stay as they are."""
+    if group[builder.STAMP] < VERSION:
+        _add_axes(group)
+        builder.arrange(group)
+        group[builder.STAMP] = VERSION
 
 
 def groups() -> list[bpy.types.ShaderNodeTree]:
@@ -96,3 +118,13 @@ def _add_nodes(group):
     output = builder.add_node(group, "NodeGroupOutput")
     for name, source in sources.items():
         group.links.new(source, output.inputs[name])
+
+
+def _add_axes(group):
+    names = [axis_name(slot) for slot in range(1, HINT_COUNT + 1)]
+    for name in names:
+        builder.add_output(group, name, "NodeSocketVector", help=AXIS_HELP)
+    (output,) = (node for node in group.nodes if node.bl_idname == "NodeGroupOutput")
+    for name in names:
+        node = builder.add_node(group, "ShaderNodeCombineXYZ", name)
+        group.links.new(node.outputs["Vector"], output.inputs[name])

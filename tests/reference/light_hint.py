@@ -12,6 +12,7 @@ LARGEST_REGION = 0.8
 LARGEST_OF_VIEW = 1.0
 LARGEST_OF_LIGHT = 2.0
 LARGEST_TURN = 2.0
+FLAT_CONE = 1.5707
 
 
 @dataclass
@@ -59,6 +60,17 @@ def slope_axes(frame, h):
     axes = np.stack([first, np.cross(h, first)], axis=1)
     basis = np.stack([frame.tangent, frame.bitangent, frame.upright], axis=1)
     return axes, np.einsum("nbk,nfk->nfb", basis, np.concatenate([axes, h[:, None]], axis=1))
+
+
+def shines_here(light, shape, axis, position):
+    """Whether each light can shine on OSL's P, and by how much: the cosine there less the cone's (positive: it can)."""
+    offset = np.asarray(light, float) - position
+    distance = np.linalg.norm(offset, axis=-1)
+    widening = np.where(shape[:, 1] < distance, np.arcsin(np.minimum(shape[:, 1] / distance, 1.0)), np.pi)
+    cone = shape[:, 2] + np.where(shape[:, 2] < FLAT_CONE, widening, 0.0)
+    has_cone = (shape[:, 0] == HINT_LOCAL) & (shape[:, 2] > 0) & (cone < np.pi)
+    margin = np.where(has_cone, _dot(offset, axis) / distance - np.cos(np.minimum(cone, np.pi)), 1.0)
+    return margin > 0, margin
 
 
 def half_vector(light, shape, kind_k_alpha, frame, footprint, dpdx, dpdy, view_turn, position, view, geometric_normal):
@@ -131,7 +143,7 @@ def hint_reaches_ball(hint, centre, ball, offset_u, offset_v):
 
 
 def map_reaches_hint(hint, low, high):
-    """Whether any normal with slopes between low and high, (n, 2) each, can come within the region around h; by how much.
+    """Whether any normal with slopes between low and high, (n, 2) each, can come within the region of h; by how much.
 
     None can if all corners of that box of slopes lie beyond one side of a square around the region, or behind h.
     """
