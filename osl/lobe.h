@@ -82,6 +82,21 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
   return sum;
 }
 
+/* How much smaller a footprint is to be, 0..1. Elements are judged by a linear turn, so it goes no farther than that holds;
+ * and where it has elements to spare, no farther than SPARE_TURN. */
+float footprint_scale(HalfVector hints[8], int hint_count, float area, float samples)
+{
+  float scale = 1.0;
+  float spare = 1.0;
+  for (int k = 0; k < hint_count; ++k) {
+    HalfVector hint = hints[k];
+    float widest = (samples > 1.0 ? SPARE_TURN : FAR_TURN) * hint.radius;
+    scale = min(scale, LARGEST_FOOTPRINT_TURN / max(hint.turn, LARGEST_FOOTPRINT_TURN));
+    spare = min(spare, widest / max(hint.turn, widest));
+  }
+  return area > LARGEST_VISIT ? min(scale, max(spare, sqrt(LARGEST_VISIT / area))) : scale;
+}
+
 /* The lobe for colour 1. plain: the closure of the hit's own normal, which is the whole answer where no hinted light can
  * glint. lobes: how many share the closures of a shading point. lights, shapes: see light_hint.h; low, high: slope bounds
  * of the map, none where they are equal. diffuse_distance: to the diffuse bounce before this point, 0 if there was none.
@@ -113,8 +128,6 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
 
   /* Keep the hints that the map can answer here. */
   HalfVector hints[8];
-  float turn = 0;
-  float counts_turn = 0; /* relative to what they may */
   float region = REGION * alpha;
   int bounded = high[0] > low[0] || high[1] > low[1];
   vector strong_low = low;
@@ -126,8 +139,6 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
       if (!bounded || map_reaches_hint(hint, strong_low, strong_high)) {
         hints[hint_count] = hint;
         hint_count += 1;
-        turn = max(turn, hint.turn);
-        counts_turn = max(counts_turn, hint.turn / (FAR_TURN * hint.radius));
       }
     }
   }
@@ -135,12 +146,7 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
     left = LEFT_NOT_REACHED;
     return plain;
   }
-  /* Elements are judged by a linear turn, so look no farther than it holds; and of so many elements that counts are to answer,
-   * no farther than those may, rather than at a random subset of all. */
-  float scale = LARGEST_FOOTPRINT_TURN / max(turn, LARGEST_FOOTPRINT_TURN);
-  if (footprint.area > LARGEST_VISIT && counts_turn > 1.0) {
-    scale = min(scale, max(1.0 / counts_turn, sqrt(LARGEST_VISIT / footprint.area)));
-  }
+  float scale = footprint_scale(hints, hint_count, footprint.area, samples);
   if (scale < 1.0) {
     scale_footprint(scale, footprint);
     int kept = 0;

@@ -20,9 +20,9 @@ because Cycles fetches exactly only at (i + 0.5) / 2^n. Texel t of the list lies
   whose bin is below i along slope u and below j along slope v, in the group's four blocks (R: low u low v, G: high u
   low v, B: low u high v, A: high u high v). So (0, *) and (*, 0) are 0, and the last corner has all in the box.
 
-Small blocks, up to PACKED texels, hold few elements and would take most of the memory: there two groups share texels, the
-2g-th and the (2g+1)-th of a level's list. Each number is then a + PACKED_STEP b, of the first and the second group, whole
-numbers of `packed_unit` elements, which a float32 holds exactly.
+Small blocks, up to PACKED texels, hold few elements and would take most of the memory: there two groups share texels,
+the 2g-th and the (2g+1)-th of a level's list. Each number is then a + PACKED_STEP b, of the first and the second group,
+whole numbers of `packed_unit` elements, which a float32 holds exactly.
 """
 
 from __future__ import annotations
