@@ -76,7 +76,7 @@ void strengthened_bounds(float strength, output vector low, output vector high)
 void list_shape(int texels, output int log_width, output float inverse_width, output float inverse_height)
 {
   log_width = 4;
-  while (log_width < 23 && (1 << log_width) < texels) {
+  while (log_width < 20 && (1 << log_width) < texels) {
     log_width += 1;
   }
   int rows = 1;

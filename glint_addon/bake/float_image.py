@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import TableError
 from .progress import Steps
 
-SMALLEST_WIDTH, LARGEST_WIDTH = 16, 1 << 23  # of a list's file, in texels
+SMALLEST_WIDTH, LARGEST_WIDTH = 16, 1 << 20  # of a list's file, in texels; OpenImageIO writes no wider OpenEXR file
 ROWS = 32  # written at a time: no copy of a whole picture, and two blocks of compressed rows for two threads
 
 
@@ -38,8 +38,8 @@ def content_digest(heading: str, pixels: np.ndarray) -> str:
 def list_shape(texels: int) -> tuple[int, int]:
     """(width, height) of a file for a list of `texels` texels: powers of two, one row if it can be.
 
-    Cycles fetches exactly only at (i + 0.5) / 2^n, which float32 holds for n up to 23. It reads the texel above too,
-    unless there is none, and that is seldom in the processor's cache.
+    Cycles fetches exactly only at (i + 0.5) / 2^n. It reads the texel above too, unless there is none, and that is
+    seldom in the processor's cache.
     """
     width = SMALLEST_WIDTH
     while width < LARGEST_WIDTH and width < texels:
