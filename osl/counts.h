@@ -6,7 +6,7 @@
  * selection is a set of whole bins; the remainder leaves out exactly these (hit_is_counted), so nothing is lost or
  * counted twice, wherever the cells lie.
  *
- * Measured and why this won: a sample costs 10 to 20 us whatever the footprint (a fetch of a corner 50 ns, most of them cache
+ * Measured and why this won: a sample costs 10 to 25 us whatever the footprint (a fetch of a corner 50 ns, most of them cache
  * misses), where enumeration (query.h) of 4096 elements costs 200 and of a random subset leaves noise. Against exact elements
  * where they begin, error at 4 samples times: bumps of 2,200 texels a footprint 0.23 in 14 us instead of 0.17 in 124, flakes of
  * 5,700 0.09 in 13 us instead of 0.05 in 64. What it gives up, as relative RMSE of the NDF of one footprint of radius
