@@ -10,7 +10,8 @@ from __future__ import annotations
 import bpy
 
 from .lights.drivers import connect_hints
-from .lights.hints import scene_candidates
+from .lights.hints import rendered_layers, scene_candidates
+from .lights.receivers import copied_places
 from .lights.shutter import shutter_ways
 from .material import glint_groups
 from .material_lights import material_choices, material_families
@@ -27,12 +28,13 @@ def connect_lights(scene, uses) -> dict:
     "skipped_lights", "hints_by_material" {material: [light, ...]}, "left_by_material" {material: [[light, reason],
     ...]}, "warnings" about materials of several scenes. Raises SceneError.
     """
-    found, skipped = scene_candidates(scene)
+    layers = rendered_layers(scene)
+    copied = copied_places(scene, layers)
+    found, skipped = scene_candidates(scene, layers, copied)
     families = material_families(uses)
-    choices = material_choices(scene, families, found)
+    choices = material_choices(scene, families, found, copied)
     warnings = _warnings(scene, families)
     used = {hint for choice in choices for hint in choice.hints}
-    layers = [layer for layer in scene.view_layers if layer.use]
     ways = shutter_ways(scene, layers, [hint for hint in found if hint in used])
     _connect(scene, families, choices, ways)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import inf
 
 from .lights.choice import Choice, boxes_over, choose, chosen_frames, noise_in_remainder
-from .lights.receivers import copied_places, lit_objects
+from .lights.receivers import lit_objects
 from .nodes.glint_bsdf import is_glint_group
 from .reach import facets_of, judgements
 from .views import scene_views
@@ -68,10 +68,9 @@ def _nodes(material) -> list:
             and is_glint_group(node.node_tree) and node.node_tree.get("glint_image") is not None]
 
 
-def material_choices(scene, families, found) -> list[Choice]:
-    """What each family looks for of the hints `found`."""
+def material_choices(scene, families, found, copied) -> list[Choice]:
+    """What each family looks for of the hints `found`; copied: `receivers.copied_places` of the layers rendered."""
     frames, views = chosen_frames(scene), scene_views(scene)
-    copied = copied_places(scene, [layer for layer in scene.view_layers if layer.use])
     everything = {thing for family in families for thing in family.objects}
     lit = {hint: set(_lit(hint, everything)) for hint in found}
     chosen = []

@@ -11,11 +11,11 @@ from mathutils import Vector
 from glint_addon.lights.drivers import connect_hints
 from glint_addon.lights.emission import sampled_radiance
 from glint_addon.lights.emitters import DEFORMS
-from glint_addon.lights.hints import scene_hints
 from glint_addon.lights.softness import TOO_SOFT
 from glint_addon.nodes import glint_bsdf, glint_lights
 from glint_addon.nodes.glint_lights import KIND_LOCAL
 from tests.helpers import cycles
+from tests.helpers.scene_hints import scene_hints
 
 # Blender keeps matrices and sockets in 32-bit floats, expressions seven digits; positions here are tens of metres.
 PLACE_TOLERANCE = 1e-4

@@ -5,11 +5,11 @@ import pytest
 
 from glint_addon.errors import SceneError
 from glint_addon.lights.drivers import connect_hints
-from glint_addon.lights.hints import scene_hints
 from glint_addon.nodes import GROUPS, glint_lights
 from glint_addon.nodes.builder import STAMP
 from glint_addon.nodes.driven import driver_curve
 from tests.helpers import cycles
+from tests.helpers.scene_hints import scene_hints
 
 # A render goes through 32-bit floats and a pixel filter that sums to 1 within a few of their steps.
 RENDER_TOLERANCE = 1e-5

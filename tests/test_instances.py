@@ -10,10 +10,10 @@ from mathutils import Vector
 
 from glint_addon.lights.drivers import connect_hints
 from glint_addon.lights.frames import Frame
-from glint_addon.lights.hints import scene_hints
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_lights import KIND_LOCAL, KIND_SUN
 from tests.helpers import cycles
+from tests.helpers.scene_hints import scene_hints
 from tests.helpers.stress import compare
 from tests.helpers.stress_stage import MIDDLE, add_lamp, add_square
 from tests.test_emitters import add_bulb, add_glints, slot_values

@@ -5,11 +5,11 @@ import math
 import bpy
 import pytest
 
-from glint_addon.lights.hints import scene_hints
 from glint_addon.lights.ies import WITHOUT_PROFILE
 from glint_addon.lights.irradiance import irradiance
 from glint_addon.lights.receivers import world_bounds
 from tests.helpers import cycles
+from tests.helpers.scene_hints import scene_hints
 from tests.helpers.stress import compare
 from tests.helpers.stress_stage import add_lamp, add_square, diffuse_material
 

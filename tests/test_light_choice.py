@@ -9,13 +9,13 @@ import pytest
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.lights.choice import MISSES, OUT_OF_REACH, TOO_DIM, TOO_MANY, choose
 from glint_addon.lights.hint import Hint
-from glint_addon.lights.hints import scene_candidates
 from glint_addon.nodes import glint_bsdf, glint_lights
 from glint_addon.reach import REGION, Facets, judgements
 from glint_addon.views import scene_views
 from tests.helpers import cycles
 from tests.helpers.counters import counters
 from tests.helpers.extension import data_names, write_flake_map
+from tests.helpers.scene_hints import all_candidates
 
 APART = 40.0  # metres between two planes, so far that lamps of one are dim on the other
 
@@ -321,7 +321,7 @@ def test_a_light_that_some_facet_mirrors_is_never_called_out_of_reach(scene, sha
     out = met = 0
     for _ in range(6):
         scene.camera = cycles.add_camera(scene, generator.uniform(-5, 5, 3))
-        found, _ = scene_candidates(scene)
+        found, _ = all_candidates(scene)
         judged = judgements(scene, scene_views(scene), [thing], facets, found)
         points, normals = surface_points(thing, generator)
         for hint in found:

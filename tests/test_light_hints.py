@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from glint_addon.lights.choice import TOO_MANY
-from glint_addon.lights.hints import scene_hints
 from glint_addon.lights.irradiance import irradiance
 from glint_addon.lights.lamps import MISSES
 from glint_addon.lights.receivers import glint_objects, lit_objects, world_bounds
 from glint_addon.lights.softness import SOFT_HALF_ANGLE, TOO_SOFT
 from glint_addon.nodes import glint_bsdf, glint_lights
 from tests.helpers import cycles
+from tests.helpers.scene_hints import scene_hints
 
 # A light of 1/20 of its distance is seen under cosines that differ from 1 by 0.1 %; 256 samples leave less noise.
 IRRADIANCE_TOLERANCE = 0.01

@@ -14,12 +14,12 @@ from mathutils import Vector
 from glint_addon.errors import SceneError
 from glint_addon.lights.drivers import connect_hints, disconnect
 from glint_addon.lights.hint import Hint
-from glint_addon.lights.hints import scene_hints
 from glint_addon.lights.shutter import shutter_ways
 from glint_addon.lights.size import light_size
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_lights import HINT_COUNT, KIND_LOCAL, KIND_SUN
 from tests.helpers import cycles
+from tests.helpers.scene_hints import scene_hints
 
 # Blender keeps matrices, angles and sockets in 32-bit floats; 2.4e-6 was the worst of 20,000 random rotations.
 DIRECTION_TOLERANCE = 5e-6

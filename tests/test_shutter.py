@@ -9,11 +9,11 @@ from demo_scenes import maps
 from demo_scenes.measure import luminance
 from demo_scenes.truth import truth_material
 from glint_addon import create_glint_material, prepare_scene
-from glint_addon.lights.hints import scene_hints
 from glint_addon.lights.shutter import shutter_ways
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.driven import Keyed
 from tests.helpers import cycles
+from tests.helpers.scene_hints import scene_hints
 from tests.helpers.seeds import rendered_seeds
 from tests.helpers.stress_stage import MIDDLE, add_lamp, add_square
 from tests.test_emitters import add_bulb, add_glints

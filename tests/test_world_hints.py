@@ -15,7 +15,6 @@ from demo_scenes.truth import truth_material
 from glint_addon.bake.float_image import write_image
 from glint_addon.images import read_pixels
 from glint_addon.lights.drivers import connect_hints
-from glint_addon.lights.hints import scene_hints
 from glint_addon.lights.sky_sun import SKIES_WITH_SUN
 from glint_addon.lights.world import world_hints
 from glint_addon.lights.world_picture import linear_pixels
@@ -25,6 +24,7 @@ from glint_addon.nodes.glint_lights import KIND_SUN
 from glint_addon.prepare import prepare_scene
 
 from .helpers import cycles
+from .helpers.scene_hints import scene_hints
 from .helpers.stress_stage import add_square
 from .test_lobe import assert_same_mean, series
 

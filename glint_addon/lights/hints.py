@@ -8,32 +8,28 @@ from __future__ import annotations
 import bpy
 
 from .animation import is_animated
-from .choice import choose
 from .emitters import mesh_emitters
 from .hint import Hint
 from .instances import instance_hints
 from .lamps import lamp_hints
-from .receivers import copied_places, glint_objects, world_bounds
+from .receivers import glint_objects, world_bounds
 from .world import world_hints
 
 
-def scene_hints(scene, view_layer=None) -> tuple[list[Hint], list[tuple[str, str]]]:
-    """The strongest hints of `scene` for all its glints together, by name, and the others as (name, reason in words).
-
-    Judges what `view_layer` renders, or any view layer switched on for rendering if None. Updates those layers, so that
-    matrices are current. What each material looks for is chosen by `glint_addon.light_sets`.
-    """
-    found, skipped = scene_candidates(scene, view_layer)
-    choice = choose(found, [hint.power for hint in found], negligible=0.0)
-    return list(choice.hints), skipped + list(choice.left)
-
-
-def scene_candidates(scene, view_layer=None) -> tuple[list[Hint], list[tuple[str, str]]]:
-    """`candidates` for all objects with glints that the view layers of `scene` render, which are updated."""
-    layers = [view_layer] if view_layer else [layer for layer in scene.view_layers if layer.use]
+def rendered_layers(scene) -> list[bpy.types.ViewLayer]:
+    """The view layers of `scene` that are switched on for rendering, updated, so that matrices are current."""
+    layers = [layer for layer in scene.view_layers if layer.use]
     for layer in layers:
         layer.update()
-    shown, copied = shown_objects(layers), copied_places(scene, layers)
+    return layers
+
+
+def scene_candidates(scene, layers, copied) -> tuple[list[Hint], list[tuple[str, str]]]:
+    """`candidates` for all objects with glints that the view layers `layers` of `scene`, up to date, render.
+
+    copied: `receivers.copied_places` of these layers.
+    """
+    shown = shown_objects(layers)
     receivers = glint_objects([*shown, *sorted(copied.keys() - set(shown), key=lambda thing: thing.name_full)])
     bounds = world_bounds(receivers or [thing for thing in shown if thing.type == "MESH"], copied)
     return candidates(scene, layers, receivers, bounds)

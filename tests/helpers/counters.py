@@ -1,4 +1,4 @@
-"""What the glint shader did for each pixel: its outputs Counters and Costs, shown as light and read from a picture.
+"""What the glint shader did for each pixel: its outputs Counters and Costs, shown in two passes of one render.
 
 The counts are exact and the same on every machine; an output that is not linked costs a render nothing.
 """
@@ -16,7 +16,7 @@ from glint_addon import paths
 from glint_addon.material import glint_groups
 from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
 
-from .cycles import rendered
+from .passes import rendered_layer
 
 
 def _names(file, prefix):
@@ -91,7 +91,7 @@ def counters(scene, material, samples=1) -> Counts:
     if not groups:
         raise ValueError(f'Material "{material.name}" has no glint shader to count in.')
     with _dark(scene), _samples(groups, samples):
-        first, second = (_shown(scene, groups, name) for name in ("Counters", "Costs"))
+        first, second = _shown(scene, groups)
     visited, closures, mode = np.moveaxis(first, 2, 0)
     fetches, reason, hints = np.moveaxis(second, 2, 0)
     seen = closures + fetches + reason > 0
@@ -105,6 +105,11 @@ def show(group, output, *, surface="ShaderNodeEmission", scale=1.0, ray=None):
 
     ray: output of the Light Path node by whose value an emission is multiplied, such as "Is Camera Ray".
     """
+    group.links.new(_coloured(group, output, surface, scale=scale, ray=ray), _surface_socket(group))
+
+
+def _coloured(group, output, surface, *, scale=1.0, ray=None):
+    """Socket of a new shader node `surface` in a Glint BSDF group, in the colour of `show`."""
     tree = group.nodes
     shader = tree.new(surface)
     scaled = tree.new("ShaderNodeVectorMath")
@@ -114,25 +119,42 @@ def show(group, output, *, surface="ShaderNodeEmission", scale=1.0, ray=None):
     group.links.new(scaled.outputs["Vector"], shader.inputs["Color"])
     if ray is not None:
         group.links.new(tree.new("ShaderNodeLightPath").outputs[ray], shader.inputs["Strength"])
-    group.links.new(shader.outputs[0], _surface_socket(group))
+    return shader.outputs[0]
 
 
 def _surface_socket(group):
     return next(node for node in group.nodes if node.bl_idname == "NodeGroupOutput").inputs["BSDF"]
 
 
-def _shown(scene, groups, output):
-    """Picture (height, width, 3), float64, of an output of the groups' shaders, seen by camera rays alone."""
+def _shown(scene, groups):
+    """Pictures (height, width, 3), float64, of Counters and Costs of the groups' shaders, seen by camera rays alone."""
+    layer = next(layer for layer in scene.view_layers if layer.use)
+    wanted = layer.use_pass_emit, layer.use_pass_diffuse_color
     before = {group: (set(group.nodes), _surface_socket(group).links[0].from_socket) for group in groups}
     try:
+        layer.use_pass_emit = layer.use_pass_diffuse_color = True
         for group in groups:
-            show(group, output, ray="Is Camera Ray")
-        return rendered(scene)[..., :3].astype(np.float64)
+            _show_both(group)
+        passes = rendered_layer(scene)
+        return [passes[name].astype(np.float64) for name in ("Emission", "Diffuse Color")]
     finally:
+        layer.use_pass_emit, layer.use_pass_diffuse_color = wanted
         for group, (nodes, surface) in before.items():
             for node in set(group.nodes) - nodes:
                 group.nodes.remove(node)
             group.links.new(surface, _surface_socket(group))
+
+
+def _show_both(group):
+    """Let a Glint BSDF group emit its Counters and be diffuse in the colour of its Costs.
+
+    A second render would compile the shader again, which takes longer than all samples. An AOV would not do: a Mix
+    Shader between two lobes weights closures alone.
+    """
+    both = group.nodes.new("ShaderNodeAddShader")
+    group.links.new(_coloured(group, "Counters", "ShaderNodeEmission", ray="Is Camera Ray"), both.inputs[0])
+    group.links.new(_coloured(group, "Costs", "ShaderNodeBsdfDiffuse"), both.inputs[1])
+    group.links.new(both.outputs[0], _surface_socket(group))
 
 
 @contextmanager

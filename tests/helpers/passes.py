@@ -22,17 +22,29 @@ def rendered_passes(scene, spp, count) -> dict[str, np.ndarray]:
     samples a pixel, each with a seed of its own (see seeds.py).
     """
     scene.cycles.samples, scene.cycles.seed = spp, 0
+    with seed_views(scene.render, count) as suffixes:
+        renders = _rendered(scene, suffixes)
+    return {name: np.stack([passes[name] for passes in renders]) for name in renders[0]}
+
+
+def rendered_layer(scene) -> dict[str, np.ndarray]:
+    """Passes of one render of the scene as it is, by name: (height, width, channels), float32, row 0 at the BOTTOM."""
+    (passes,) = _rendered(scene, [""])
+    return {name: pixels[::-1] for name, pixels in passes.items()}
+
+
+def _rendered(scene, suffixes) -> list:
+    """Passes of the views with these suffixes, [""] without views, as `_read` has them."""
     settings = scene.render.image_settings
     settings.media_type, settings.views_format = "MULTI_LAYER_IMAGE", "INDIVIDUAL"
     settings.file_format, settings.color_depth = "OPEN_EXR_MULTILAYER", "32"
     try:
-        with seed_views(scene.render, count) as suffixes, tempfile.TemporaryDirectory() as folder:
+        with tempfile.TemporaryDirectory() as folder:
             scene.render.filepath = str(Path(folder) / "passes.exr")
             bpy.ops.render.render(write_still=True, scene=scene.name)
-            renders = [_read(str(Path(folder) / f"passes{suffix}.exr")) for suffix in suffixes]
+            return [_read(str(Path(folder) / f"passes{suffix}.exr")) for suffix in suffixes]
     finally:
         settings.media_type = "IMAGE"
-    return {name: np.stack([passes[name] for passes in renders]) for name in renders[0]}
 
 
 def _read(file):
