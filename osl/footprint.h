@@ -120,3 +120,16 @@ void footprint_sample(float a, float b, output float x, output float y)
   x *= r;
   y *= r;
 }
+
+/* Whether an element of that weight is looked at: above `sure` always, below with the odds of its weight, and then with the
+ * weight `sure`, so that sums keep their expectation. Systematic sampling (Madow 1949): elements that follow one another share
+ * their odds. due: uniform in 0..1 before the first element. */
+int is_drawn(float sure, output float due, output float weight)
+{
+  if (weight < sure) {
+    due += weight / sure;
+    weight = due >= 1.0 ? sure : 0.0;
+    due -= due >= 1.0;
+  }
+  return weight > 0.0;
+}

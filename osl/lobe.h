@@ -232,7 +232,8 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
     s.middle_2 = off * sin(M_2PI * shift[2]);
     float total = mode == MODE_INDEX ?
         index_query(map, hints, hint_count, alpha, footprint, hit.u, hit.v, s, visited) :
-        glint_query(map, hints, hint_count, alpha, footprint, mode, hit.u, hit.v, shift[0], shift[1], s, visited);
+        glint_query(map, hints, hint_count, alpha, footprint, mode, map.is_linear && samples > 1.0 ? SURE_WEIGHT : 0.0, hit.u,
+                    hit.v, shift[0], shift[1], s, visited);
     sum = selection_closures(distribution, alpha, hints, hint_count, s, total, hit.u, hit.v, remainder, closures);
   }
   counters = color(visited, closures, mode);

@@ -14,6 +14,12 @@
 /* Elements visited a sample at most: 4096 cost about 200 us of one core. Fewer leave noise in views of a thousand texels
  * a pixel that more samples do not make up for (512: error 0.27 instead of 0.12 at 4 samples). */
 #define LARGEST_VISIT 4096
+/* Weight of the kernel, 1 in its middle, from which on a patch is always visited; of the others a third is drawn (is_drawn).
+ * Error at 4 samples, us a sample, with 0 (all), 0.5, 0.75, 1: bumps 0.275, 38; 0.287, 30; 0.304, 24; 0.324, 18; scratches
+ * 0.690, 42; 0.695, 30; 0.694, 24; 0.752, 20; brushed metal 0.988, 44; 0.988, 29; 0.988, 23; 0.990, 18. Neighbours hardly
+ * differ, so what is drawn stands for what is not; texels do differ (flakes 0.179 -> 0.238 at hardly less time), and a
+ * pixel's only sample would show it (bumps 0.111 -> 0.209): there all are visited. */
+#define SURE_WEIGHT 0.75
 /* Below this semi-axis (texels) a footprint hardly leaves one element: the sample's own is the answer. */
 #define SINGLE_ELEMENT 0.5
 /* Ellipses thinner than this would slip between the centres of elements: points along them are used instead. */
@@ -180,13 +186,15 @@ void visit_patch(output Map map, HalfVector hints[8], int from, int to, float al
 }
 
 /* Select the elements within the footprint around the texel coordinates (u, v) (for Linear, less half a texel).
- * shift_1, shift_2: two uniform numbers of this sample. Returns the sum of the kernel's weights over the visited
+ * sure: weight from which on an element is always visited (is_drawn); shift_1, shift_2: two uniform numbers of this
+ * sample. Returns the sum of the kernel's weights over the visited
  * elements, which the selected weights are relative to. */
-float glint_query(output Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, int mode, float u,
-                  float v, float shift_1, float shift_2, output Selection s, output int visited)
+float glint_query(output Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, int mode, float sure,
+                  float u, float v, float shift_1, float shift_2, output Selection s, output int visited)
 {
   float total = 0;
   HalfVector first = hints[0];
+  float due = shift_1;
 
   if (mode == MODE_ALL) {
     /* Visit the ellipse quu du^2 + 2 quv du dv + qvv dv^2 < 1 row by row. */
@@ -212,13 +220,15 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
         float du = column + 0.5 - u;
         float weight = footprint_kernel(quu * du * du + 2.0 * quv * du * dv + qvv * dv * dv);
         total += weight;
-        visited += 1;
-        if (map.is_linear) {
-          visit_patch(map, hints, 0, hint_count, alpha, MODE_ALL, i, j, du - 0.5, dv - 0.5, 0, 0, 0, 0, 0, 0,
-                      weight, s);
-        }
-        else {
-          visit_texel(map, first, hints, 0, hint_count, i, j, du, dv, weight, s);
+        if (is_drawn(sure, due, weight)) {
+          visited += 1;
+          if (map.is_linear) {
+            visit_patch(map, hints, 0, hint_count, alpha, MODE_ALL, i, j, du - 0.5, dv - 0.5, 0, 0, 0, 0, 0, 0,
+                        weight, s);
+          }
+          else {
+            visit_texel(map, first, hints, 0, hint_count, i, j, du, dv, weight, s);
+          }
         }
         i = i + 1 < map.width ? i + 1 : 0;
       }

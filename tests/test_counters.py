@@ -278,10 +278,19 @@ def test_two_lobes_in_one_material_share_the_closures_that_cycles_keeps(interpol
 
 def test_more_samples_mean_smaller_footprints():
     scene, _, material = build(texels=10, is_indexed=False)
-    seen = [counters(scene, material, samples).visited.mean() for samples in (1, 64)]
+    seen = [counters(scene, material, samples).visited.mean() for samples in (1, 2, 64)]
     # footprint.h: the radius falls with samples^0.21, the area with its square.
-    assert seen[1] / seen[0] == pytest.approx(64 ** -0.42, rel=0.1)
+    assert seen[2] / seen[1] == pytest.approx(32 ** -0.42, rel=0.1)
     assert scene.cycles.samples == 1 and counters(scene, material).visited.mean() == seen[0], "the scene is as before"
+
+
+def test_of_several_samples_each_draws_patches_of_small_weight_and_visits_half_of_all():
+    scene, _, material = build(texels=10, is_indexed=False)
+    every, drawn = (counters(scene, material, samples).visited.mean() for samples in (1, 2))
+    # query.h: of a kernel (1 - t)^2 the part above SURE_WEIGHT, and of the rest its weight over that.
+    sure = 0.75
+    share = 1 - sure**0.5 + sure**0.5 / 3
+    assert drawn / every == pytest.approx(share * 2**-0.42, rel=0.03)
 
 
 # Each number of lights once: Linear maps and Closest ones read their counts alike.
