@@ -21,7 +21,7 @@ from .sweep_scene import AREAS, GLINT, NODES, SUNS
 
 FILE = RESULTS / "sweep.json"
 SIDES = (1024, 4096)  # texels
-ROUNDS = 3  # with renders of `cost.LEAST_SECONDS` each: the whole sweep is to take five minutes
+ROUNDS = 3  # with renders of `cost.LEAST_SECONDS` each: the whole sweep takes a quarter of an hour
 # A render is to take no less than its start-up, a third of a second that compiles the shader before each one and is
 # known to a twentieth: the rounds' ratios show what is left of that.
 START_UPS = 1.0

@@ -187,8 +187,7 @@ void visit_patch(output Map map, HalfVector hints[8], int from, int to, float al
 
 /* Select the elements within the footprint around the texel coordinates (u, v) (for Linear, less half a texel).
  * sure: weight from which on an element is always visited (is_drawn); shift_1, shift_2: two uniform numbers of this
- * sample. Returns the sum of the kernel's weights over the visited
- * elements, which the selected weights are relative to. */
+ * sample. Returns the sum of the kernel's weights over all elements, which the selected weights are relative to. */
 float glint_query(output Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, int mode, float sure,
                   float u, float v, float shift_1, float shift_2, output Selection s, output int visited)
 {
