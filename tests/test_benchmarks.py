@@ -298,15 +298,15 @@ def test_pinned_samples_give_the_footprint_of_so_many_samples():
     assert (measure.rendered(scene) == alone).all()
 
 
-def test_a_method_is_measured_at_every_budget():
+def test_a_method_is_measured_at_every_budget_and_the_nodes_at_the_samples_of_the_headline():
     scene = suite.nodes_scene("flakes_close", 64)
     scene.cycles.seed = 77
     mean = measure.luminance(measure.rendered(scene))
     truth = Truth(mean, np.zeros_like(mean), 64, 1, bpy.app.version_string, "")
     rows = run.method_rows(methods.method("nodes"), "flakes_close", truth, (), run.BUDGETS[1])
-    assert len(rows) == 2
-    assert rows[0]["spp"] < rows[1]["spp"]
-    assert rows[0]["rmse"] > rows[1]["rmse"] > 0.0
+    assert len(rows) == 3
+    assert run.HEADLINE_SPP == rows[0]["spp"] < rows[1]["spp"] < rows[2]["spp"]
+    assert rows[0]["rmse"] > rows[1]["rmse"] > rows[2]["rmse"] > 0.0
     assert all(row["repeats"] > 1 and row["seeds"] == 3 and row["memory"] > 0 for row in rows)
     assert all(row["table_bytes"] == 0 for row in rows)
 

@@ -509,4 +509,4 @@ def test_constants_are_those_of_the_shader():
     counts = paths.shader_file("counts.h").read_text(encoding="utf-8")
     for name in ("FAR_SIDE", "FAR_SIDE_SUBSET", "FAR_SIDE_LONG"):
         assert f"#define {name} {getattr(footprints, name)}\n" in counts
-    assert f"min({footprints.NARROWER_BINS:g} * from, " in counts
+    assert f"FAR_SIDE_LONG : {footprints.NARROWER_BINS} * widest)" in counts
