@@ -79,8 +79,31 @@ def _mapping_matrix(node) -> np.ndarray | None:
 def texel_densities(mesh, matrix, uv_map: str, transform) -> tuple[float, float] | None:
     """Smallest and largest texels per metre along the short axis of a round footprint on a mesh, or None.
 
-    matrix: (3, 3), mesh to world; transform: (2, 2), UVs of the UV map `uv_map` to texels. The largest holds for
-    surfaces seen at an angle too, up to LARGEST_STRETCH. None without that UV map, or where all of it is degenerate.
+    For the arguments and None see `texel_axes`. The largest holds for surfaces seen at an angle too, up to
+    LARGEST_STRETCH.
+    """
+    found = texel_axes(mesh, matrix, uv_map, transform)
+    if found is None:
+        return None
+    smallest, largest, area = found
+    seen_at_an_angle = np.minimum(largest, LARGEST_STRETCH * smallest)
+    return (
+        _quantile(smallest, area, OUTERMOST_AREA),
+        _quantile(seen_at_an_angle, area, 1.0 - OUTERMOST_AREA),
+    )
+
+
+def largest_texel_area(mesh, matrix, uv_map: str, transform) -> float | None:
+    """Most texels per square metre of a mesh, but for outermost pieces, or None; arguments as for `texel_axes`."""
+    found = texel_axes(mesh, matrix, uv_map, transform)
+    return None if found is None else _quantile(found[0] * found[1], found[2], 1.0 - OUTERMOST_AREA)
+
+
+def texel_axes(mesh, matrix, uv_map: str, transform) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Texels per metre along the short and the long axis of a round footprint on each triangle (n,), its area [m^2].
+
+    matrix: (3, 3), mesh to world; transform: (2, 2), UVs of the UV map `uv_map` to texels. Degenerate triangles are
+    left out. None without that UV map, or where all of it is degenerate.
     """
     layers = [layer for layer in mesh.uv_layers if layer.name == uv_map or not uv_map and layer.active_render]
     if not layers:
@@ -105,12 +128,7 @@ def texel_densities(mesh, matrix, uv_map: str, transform) -> tuple[float, float]
     change = changes[usable]
     trace = np.einsum("tia,tij,tja->t", change, np.linalg.inv(metric[usable]), change)
     largest = np.sqrt(0.5 * (trace + np.sqrt(np.maximum(trace**2 - 4.0 * product**2, 0.0))))
-    smallest = product / largest
-    seen_at_an_angle = np.minimum(largest, LARGEST_STRETCH * smallest)
-    return (
-        _quantile(smallest, area, OUTERMOST_AREA),
-        _quantile(seen_at_an_angle, area, 1.0 - OUTERMOST_AREA),
-    )
+    return product / largest, largest, area
 
 
 def vertices(mesh) -> np.ndarray:

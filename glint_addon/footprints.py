@@ -57,7 +57,7 @@ def footprint_range(scene, group, uses, size, *, mirrored=False) -> tuple[float,
     ranges = []
     for thing, material in dict.fromkeys(uses):
         places = uv_transforms(material, group)
-        mesh = _rigid_mesh(scene, thing)
+        mesh = rigid_mesh(scene, thing)
         matrices = poses(thing, frames)
         if places is None or mesh is None or matrices is None or not _is_rigid(matrices):
             return EVERYTHING
@@ -94,7 +94,7 @@ def index_is_reached(footprints) -> bool:
     return footprints[1] >= INDEX_SHORT_AXIS
 
 
-def _rigid_mesh(scene, thing) -> bpy.types.Mesh | None:
+def rigid_mesh(scene, thing) -> bpy.types.Mesh | None:
     """The mesh that is rendered of an object at every frame, or None if it may change its shape."""
     if not has_rigid_box(thing):
         return None

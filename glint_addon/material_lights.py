@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
+from .close_views import CLOSE_UP, is_close_up
 from .lights.choice import Choice, boxes_over, choose, chosen_frames, noise_in_remainder
 from .lights.receivers import lit_objects
 from .nodes.glint_bsdf import is_glint_group
@@ -80,7 +81,7 @@ def material_choices(scene, families, found, copied) -> list[Choice]:
         shared = {}
         for hint in found:
             shared.setdefault(tuple(thing for thing in family.objects if thing in lit[hint]), []).append(hint)
-        values, reached = {}, set()
+        values, reached, soft = {}, set(), set()
         for objects, hints in shared.items():
             boxes = boxes_over(objects, frames, copied)
             judged = judgements(scene, views, objects, facets, hints)
@@ -90,7 +91,12 @@ def material_choices(scene, families, found, copied) -> list[Choice]:
                     reached.add(hint)
                 if judged is not None and 0.0 <= values[hint] < inf:
                     values[hint] = judged[hint].noise
-        chosen.append(choose(found, [values[hint] for hint in found], reached))
+                    if judged[hint].is_soft:
+                        soft.add(hint)
+        choice = choose(found, [values[hint] for hint in found], reached, soft)
+        if choice.hints and is_close_up(scene, views, family):
+            choice = Choice((), choice.left + tuple((hint.name, CLOSE_UP) for hint in choice.hints))
+        chosen.append(choice)
     return chosen
 
 

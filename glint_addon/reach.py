@@ -17,9 +17,11 @@ from .lights.animation import is_animated, peak_value
 from .lights.choice import Posed, is_still, places
 from .lights.hint import Hint
 from .lights.irradiance import irradiances
+from .lights.size import cross_section
+from .lights.softness import SOFT_HALF_ANGLE
 from .motion import has_rigid_box
 from .nodes.glint_lights import KIND_SUN
-from .surface import Patches, surface_patches
+from .surface import Patches, pixels_filled, surface_patches
 from .views import Views
 
 # Half-width of the selected region in alpha: REGION in osl/light_hint.h.
@@ -34,6 +36,9 @@ DEVIATIONS = 3.0  # standard deviations of a map's slopes that its steepest face
 FLATTEST = 1e-4  # slope: a map without facets still has rounding
 LEAST_ROUGHNESS = 1e-3  # of a facet: a mirror's glints have no finite noise
 STEEPEST = np.radians(89.0)
+# Noise of the parts of a surface where a light looks small, relative to that where it is so large that there is next to
+# none, for the light not to be looked for.
+SMALL_NOISE = 0.1
 LEAST_SCALING = 1e-3  # relative change of an object's size over an animation that makes its patches others
 
 
@@ -56,10 +61,12 @@ def facets_of(nodes) -> Facets | None:
 @dataclass(frozen=True)
 class Judgement:
     """reached: whether some facet mirrors the light to a camera; noise: as `lights.choice.noise_in_remainder`, of what
-    a camera sees of the object, with the chance that the map has facets which mirror the light."""
+    a camera sees of the object, with the chance that the map has facets which mirror the light; is_soft: whether at
+    every frame next to all of it is where the light looks larger than SOFT_HALF_ANGLE."""
 
     reached: bool
     noise: float
+    is_soft: bool
 
 
 def judgements(scene, views: Views | None, objects, facets: Facets | None, hints) -> dict[Hint, Judgement] | None:
@@ -67,14 +74,14 @@ def judgements(scene, views: Views | None, objects, facets: Facets | None, hints
 
     Matrices must be current.
     """
-    surfaces = [_patches_over(scene, thing, views.frames) for thing in objects] if views and facets else [None]
+    surfaces = [patches_over(scene, thing, views) for thing in objects] if views and facets else [None]
     if None in surfaces:
         return None
     judged = {}
     for hint in hints:
         each = [_judgement(hint, views, surface, facets) for surface in surfaces]
         noise = max((one.noise for one in each), default=0.0)
-        judged[hint] = Judgement(any(one.reached for one in each), noise)
+        judged[hint] = Judgement(any(one.reached for one in each), noise, all(one.is_soft for one in each))
     return judged
 
 
@@ -90,9 +97,15 @@ def _facets(node) -> Facets | None:
     return Facets(max(slope, FLATTEST), max(min(roughness.default_value, 1.0), LEAST_ROUGHNESS) ** 2)
 
 
-def _patches_over(scene, thing, frames) -> list[tuple[Patches, float]] | None:
-    """The patches of an object at each of the frames, or once if it stays, with its largest ratio of scales; None if
-    its shape or place may be any."""
+def patches_over(scene, thing, views: Views) -> list[tuple[Patches, float]] | None:
+    """The patches of an object at each frame of `views`, with its largest ratio of scales; None if its shape or place
+    may be any. Found once."""
+    if thing not in views.surfaces:
+        views.surfaces[thing] = _patches_over(scene, thing, views.frames)
+    return views.surfaces[thing]
+
+
+def _patches_over(scene, thing, frames):
     matrices = places(thing, frames) if has_rigid_box(thing) else None
     depsgraph = next((layer.depsgraph for layer in scene.view_layers if layer.use), None)
     mesh = evaluated_mesh(thing, depsgraph) if matrices is not None and depsgraph is not None else None
@@ -112,8 +125,8 @@ def _judgement(hint, views, moved, facets) -> Judgement:
     """Judge a light on an object, whose patches at each frame are `moved`."""
     lamps = _lamps(hint, views.frames)
     if lamps is None:
-        return Judgement(True, inf)
-    reached, noise = views.has_mirrors, 0.0
+        return Judgement(True, inf, False)
+    reached, noise, is_soft = views.has_mirrors, 0.0, not views.has_mirrors
     nothing_moves = is_still(lamps) and all(patches is moved[0][0] for patches, _ in moved)
     # What lies behind a lamp or outside its cone, always, shows no glint of it, wherever that is mirrored.
     lit = _may_be_lit(hint, lamps[0], moved[0][0]) if nothing_moves else slice(None)
@@ -125,11 +138,13 @@ def _judgement(hint, views, moved, facets) -> Judgement:
             met = _met(hint, matrix, eye, views.lens, patches)
             gap = met.angle - np.arctan(stretch * facets.slope) - REGION * facets.alpha - met.blur - MARGIN
             gaps.append(gap[lit])
-            noise = max(noise, _noise(hint, matrix, eye, patches, met, facets))
+            deviations = _noise(hint, matrix, eye, patches, met, facets)
+            is_soft = is_soft and _is_soft(hint, matrix, patches, deviations)
+            noise = max(noise, float(np.linalg.norm(deviations)))
         # Between two frames the gap may fall as much as it changed from one to the other.
         change = max((np.abs(after - before).max() for before, after in zip(gaps, gaps[1:], strict=False)), default=0.0)
         reached = reached or bool(min(gap.min() for gap in gaps) <= change)
-    return Judgement(reached, noise)
+    return Judgement(reached, noise, is_soft)
 
 
 def _lamps(hint, frames) -> np.ndarray | None:
@@ -160,12 +175,11 @@ def _lamps(hint, frames) -> np.ndarray | None:
 @dataclass(frozen=True)
 class Met:
     """How patches (n,) meet a light: angle [rad] between half vectors and the nearest shading normal, blur [rad] that
-    is half the light's angular radius, cosines of light and view to the patch's normal on the camera's side."""
+    is half the light's angular radius, cosine of the light to the patch's normal on the camera's side."""
 
     angle: np.ndarray
     blur: np.ndarray
     light_cosine: np.ndarray
-    view_cosine: np.ndarray
 
 
 def _met(hint, matrix, eye, lens, patches) -> Met:
@@ -182,11 +196,12 @@ def _met(hint, matrix, eye, lens, patches) -> Met:
     angle = np.arccos(np.clip(cosine, 0.0, 1.0)) - patches.spreads - growth * (light_spread + view_spread)
     angle = np.where((between < OPPOSITE) & np.isfinite(angle), angle, 0.0)
     sides = np.sign((view * patches.normals).sum(axis=1))[:, None] * patches.normals
-    return Met(np.maximum(angle, 0.0), growth * half_angle, (light * sides).sum(axis=1), (view * sides).sum(axis=1))
+    return Met(np.maximum(angle, 0.0), growth * half_angle, (light * sides).sum(axis=1))
 
 
-def _noise(hint, matrix, eye, patches, met, facets) -> float:
-    """Standard deviation over the picture of an object, up to a common factor, of glints that are met by chance."""
+def _noise(hint, matrix, eye, patches, met, facets) -> np.ndarray:
+    """Standard deviations (n,), up to a common factor, that glints which are met by chance on each patch add to that of
+    the picture of an object."""
     # One facet sends E / (solid angle of lobe and light); the chance to meet it is the density of facets at the half
     # vector times that angle. The density has a wider tail than a normal distribution: real maps have.
     steepness = np.tan(np.minimum(met.angle, STEEPEST)) / (facets.slope / DEVIATIONS)
@@ -194,13 +209,19 @@ def _noise(hint, matrix, eye, patches, met, facets) -> float:
     power = hint.power if hint.object is None or hint.object.type != "LIGHT" else _patch_powers(hint, matrix, patches)
     variance = density * (power / np.hypot(facets.alpha, met.blur)) ** 2 * (met.light_cosine > -np.sin(patches.spreads))
 
-    # Weigh the patches by the pixels they fill.
-    local = patches.centres @ eye.inverse[:3, :3].T + eye.inverse[:3, 3]
-    depth = -local[:, 2:] if eye.is_perspective else np.ones((len(local), 1))
-    seen = ((local[:, :2] >= eye.low * depth) & (local[:, :2] <= eye.high * depth)).all(axis=1) & (local[:, 2] < 0.0)
-    area = patches.areas * np.maximum(met.view_cosine, 0.0) / (local**2).sum(axis=1) ** eye.is_perspective
-    pixels = area * seen if (area * seen).any() else area
-    return float(np.sqrt((variance * pixels).sum() / max(pixels.sum(), 1e-30)))
+    pixels, is_in_frame = pixels_filled(eye, patches)
+    pixels = pixels * is_in_frame if (pixels * is_in_frame).any() else pixels
+    return np.sqrt(variance * pixels / max(pixels.sum(), 1e-30))
+
+
+def _is_soft(hint, matrix, patches, deviations) -> bool:
+    """Whether next to all of a light's noise is on patches that see it as large as lights that are not looked for."""
+    if hint.object is None or hint.object.type != "LIGHT" or hint.kind == KIND_SUN:
+        return False  # suns are as large everywhere, and of meshes only the bounds are known here
+    radius = np.sqrt(cross_section(Posed(hint.object.data, Matrix(matrix))) / np.pi)
+    is_far = np.linalg.norm(matrix[:3, 3] - patches.centres, axis=1) > radius / np.sin(SOFT_HALF_ANGLE)
+    noise = float(np.linalg.norm(deviations))
+    return noise > 0.0 and float(np.linalg.norm(deviations[is_far])) <= SMALL_NOISE * noise
 
 
 def _patch_powers(hint, matrix, patches, part=0.5) -> np.ndarray:

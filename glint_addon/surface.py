@@ -14,19 +14,21 @@ MOST_CUTS = 6  # of a triangle, each into four; 4096 pieces are more than there 
 @dataclass(frozen=True)
 class Patches:
     """Pieces of surface. centres, normals (unit): (n, 3); areas: (n,) [m^2]; radii: (n,), of the balls that hold
-    them; spreads: (n,) largest angle [rad] between a patch's normal and the shading normals on it."""
+    them; spreads: (n,) largest angle [rad] between a patch's normal and the shading normals on it; are_closed: whether
+    they are all around something, so that none is seen from behind."""
 
     centres: np.ndarray
     areas: np.ndarray
     radii: np.ndarray
     normals: np.ndarray
     spreads: np.ndarray
+    are_closed: bool
 
     def moved(self, matrix) -> Patches:
         """The patches under a rigid motion, (4, 4)."""
         turn = matrix[:3, :3]
         centres = self.centres @ turn.T + matrix[:3, 3]
-        return Patches(centres, self.areas, self.radii, self.normals @ turn.T, self.spreads)
+        return Patches(centres, self.areas, self.radii, self.normals @ turn.T, self.spreads, self.are_closed)
 
 
 def surface_patches(mesh, matrix) -> Patches:
@@ -60,7 +62,39 @@ def surface_patches(mesh, matrix) -> Patches:
     np.minimum.at(cosines, patch, (normals * axes[patch][:, None]).sum(axis=2).min(axis=1))
     crossed = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
     areas = np.bincount(patch, 0.5 * np.linalg.norm(crossed, axis=1), len(counts))
-    return Patches(centres, areas, radii, axes, np.arccos(np.clip(cosines, -1.0, 1.0)))
+    return Patches(centres, areas, radii, axes, np.arccos(np.clip(cosines, -1.0, 1.0)), is_closed(mesh))
+
+
+def pixels_filled(eye, patches: Patches) -> tuple[np.ndarray, np.ndarray]:
+    """About how many pixels of an `eyes.Eye` each patch (n,) fills, if no other hides it; whether it is in the frame."""
+    places = patches.centres @ eye.inverse[:3, :3].T + eye.inverse[:3, 3]
+    normals = patches.normals @ eye.inverse[:3, :3].T
+    depth = -places[:, 2:] if eye.is_perspective else np.ones((len(places), 1))
+    is_in_frame = ((places[:, :2] >= eye.low * depth) & (places[:, :2] <= eye.high * depth)).all(axis=1)
+    if eye.is_perspective:
+        distance = np.maximum(np.linalg.norm(places, axis=1), 1e-12)
+        shown = -(places * normals).sum(axis=1) / distance**3
+    else:
+        shown = normals[:, 2]
+    reach = patches.radii[:, None]
+    is_within = ((places - reach).min(axis=0) < 0.0).all() and ((places + reach).max(axis=0) > 0.0).all()
+    shown = np.maximum(shown, 0.0) if patches.are_closed and not is_within else np.abs(shown)
+    return patches.areas * shown / eye.pixel**2, is_in_frame & (places[:, 2] < 0.0)
+
+
+def is_closed(mesh) -> bool:
+    """Whether each edge of a mesh is between two faces, and all of them face away from the volume within."""
+    count = len(mesh.loops)
+    edges, corners = (_values(mesh.loops, name, np.int32, 1)[:, 0] for name in ("edge_index", "vertex_index"))
+    starts = _values(mesh.edges, "vertices", np.int32, 2)[:, 0]
+    runs_along = 2 * (corners == starts[edges]) - 1
+    uses = np.bincount(edges, minlength=len(starts)), np.bincount(edges, runs_along, len(starts))
+    if not count or (uses[0] != 2).any() or uses[1].any():
+        return False
+    loops = _values(mesh.loop_triangles, "vertices", np.int32, 3)
+    points = _values(mesh.vertices, "co", np.float32, 3).astype(float)[loops]
+    points -= points.mean(axis=(0, 1))
+    return bool(np.linalg.det(points).sum() > 0.0)
 
 
 def _triangles(mesh, matrix):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,6 +31,7 @@ class Views:
     eyes: list[list[Eye]]
     lens: float
     has_mirrors: bool
+    surfaces: dict = field(default_factory=dict)
 
 
 def scene_views(scene) -> Views | None:

@@ -16,6 +16,7 @@ from ..poses import poses
 from .animation import is_animated, peak_value
 from .hint import Hint
 from .irradiance import irradiance
+from .softness import TOO_SOFT
 
 # Lights that together make no more than this part of the noise are not looked for: all that are share the closures.
 # Measured with a sun and seven dim ones at 4 spp, all hinted or one: error 0.15 or 0.34 where the dim ones are 0.008 of
@@ -63,13 +64,15 @@ class Choice:
     left: tuple[tuple[str, str], ...]
 
 
-def choose(found: list[Hint], values: list[float], reached=None, *, negligible=NEGLIGIBLE) -> Choice:
+def choose(found: list[Hint], values: list[float], reached=None, soft=frozenset(), *, negligible=NEGLIGIBLE) -> Choice:
     """The hints to look for of those `found`, in their order, by their `values` from `noise_in_remainder`.
 
-    reached: set of those that can be mirrored at all, None: all; negligible: part of the noise that may be left out.
+    reached: set of those that can be mirrored at all, None: all; soft: set of those that look too large to need it;
+    negligible: part of the noise that may be left out.
     """
     worth = dict(zip(found, values, strict=True))
     reasons = {hint: MISSES for hint in found if worth[hint] < 0.0}
+    reasons |= dict.fromkeys(soft, TOO_SOFT)
     reasons |= {hint: OUT_OF_REACH for hint in found if reached is not None and hint not in reached}
     ranked = sorted((hint for hint in found if hint not in reasons), key=lambda hint: (-worth[hint], hint.order))
     reasons |= dict.fromkeys(ranked[HINT_COUNT:], TOO_MANY)
