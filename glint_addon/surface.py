@@ -66,7 +66,7 @@ def surface_patches(mesh, matrix) -> Patches:
 
 
 def pixels_filled(eye, patches: Patches) -> tuple[np.ndarray, np.ndarray]:
-    """About how many pixels of an `eyes.Eye` each patch (n,) fills, if no other hides it; whether it is in the frame."""
+    """About how many pixels of an `eyes.Eye` each patch (n,) fills, if nothing hides it; whether it is in the frame."""
     places = patches.centres @ eye.inverse[:3, :3].T + eye.inverse[:3, 3]
     normals = patches.normals @ eye.inverse[:3, :3].T
     depth = -places[:, 2:] if eye.is_perspective else np.ones((len(places), 1))
