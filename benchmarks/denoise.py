@@ -110,6 +110,7 @@ def denoised(scene, setting: Setting) -> np.ndarray:
 def glint_pixels(name) -> np.ndarray:
     """(height, width) bool: where the camera of scene `name` sees the glint material."""
     scene = suite.lobe_scene(name)
+    scene.cycles.shading_system = True  # counters are the shader's, which close views leave off
     slots = (slot for thing in scene.objects for slot in thing.material_slots)
     return counters(scene, next(slot.material for slot in slots if is_glint_material(slot.material))).seen
 

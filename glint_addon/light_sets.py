@@ -26,7 +26,8 @@ def connect_lights(scene, uses) -> dict:
 
     uses: {local Glint BSDF group: [(object, material), ...]} of `scene`. Returns the parts of the report: "hints",
     "skipped_lights", "hints_by_material" {material: [light, ...]}, "left_by_material" {material: [[light, reason],
-    ...]}, "warnings" about materials of several scenes. Raises SceneError.
+    ...]}, "warnings" about materials of several scenes, and "visits" {material: elements a sample visits at most}.
+    Raises SceneError.
     """
     layers = rendered_layers(scene)
     copied = copied_places(scene, layers)
@@ -48,6 +49,8 @@ def connect_lights(scene, uses) -> dict:
         "hints_by_material": {name: [hint.name for hint in choice.hints] for name, choice in pairs},
         "left_by_material": {name: [list(pair) for pair in choice.left] for name, choice in pairs},
         "warnings": warnings,
+        "visits": {material: choice.visits for family, choice in zip(families, choices, strict=True)
+                   for material in family.materials},
     }
 
 

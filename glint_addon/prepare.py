@@ -88,9 +88,9 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
     if groups:
         lights = connect_lights(scene, uses)
         report["warnings"] += lights.pop("warnings")
+        _bound_work(lights.pop("visits"))
         report |= lights
         looks_for_lights = looks_for_lights or _looks_for_lights(report)
-        _share_closures({material for pairs in uses.values() for _, material in pairs})
     note = choose_shading_system(scene, is_needed=looks_for_lights)
     return report | {"osl": is_on(scene), "notes": [note] * bool(note)}
 
@@ -117,16 +117,18 @@ def _by_name(groups) -> list:
     return sorted(groups, key=lambda group: group.name_full)
 
 
-def _share_closures(materials):
-    """Cycles keeps 64 closures of a shading point: tell each group how many lobes its materials sum at most."""
-    lobes = {}
-    for material in materials:
-        count = glint_lobes(material)
+def _bound_work(visits):
+    """Tell each group what bounds a sample's work: visits, {material: elements of the map that it visits at most}, and
+    closures, of which Cycles keeps 64 a shading point for all lobes that a material sums."""
+    lobes, most = {}, {}
+    for material, count in visits.items():
         for group in glint_groups(material):
-            lobes[group] = max(lobes.get(group, 1), count)
-    for group, count in lobes.items():
+            lobes[group] = max(lobes.get(group, 1), glint_lobes(material))
+            most[group] = max(most.get(group, 1), count)
+    for group in lobes:
         if group.library is None:
-            glint_bsdf.share_closures(group, count)
+            glint_bsdf.share_closures(group, lobes[group])
+            glint_bsdf.limit_visits(group, most[group])
 
 
 def _uses(scene) -> dict:

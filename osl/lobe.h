@@ -120,7 +120,7 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
     scale_footprint(caustic_scale(footprint, radius * length(dpdx), diffuse_distance), footprint);
     view_turn = 1.0 / diffuse_distance;
   }
-  int mode = query_mode(footprint);
+  int mode = query_mode(footprint, map.visits);
   if (mode == MODE_SINGLE && !map.is_linear) {
     left = LEFT_WITHIN_TEXEL;
     return plain;
@@ -164,7 +164,7 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
       left = LEFT_NOT_REACHED;
       return plain;
     }
-    mode = query_mode(footprint);
+    mode = query_mode(footprint, map.visits);
     if (mode == MODE_SINGLE && !map.is_linear) {
       left = LEFT_WITHIN_TEXEL;
       return plain;
@@ -189,7 +189,7 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
   int is_searched = mode == MODE_ALL || mode == MODE_SUBSET;
   float widest = FAR_SIDE_FIRST;
   while (widest > 0.0) {
-    if (counts_serve(map, hints, hint_count, lobes, alpha, footprint, widest, shift, level, cells)) {
+    if (map.visits > COUNTS_VISITS && counts_serve(map, hints, hint_count, lobes, alpha, footprint, widest, shift, level, cells)) {
       mode = MODE_COUNTS;
     }
     else if (widest == FAR_SIDE_FIRST && is_searched && index_serves(map, footprint, hints, hint_count, hit.u, hit.v)) {

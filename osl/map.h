@@ -20,6 +20,7 @@ struct Map {
   Counts counts;
   string index; /* table of slope_index.h */
   int is_indexed; /* whether there is one */
+  int visits;     /* elements that a sample visits at most, up to LARGEST_VISIT */
   /* Right-hand corners of the last patch that was fetched, which are the left-hand ones of the next in its row. */
   int kept;    /* number of their column, rows one after the other; from 1 on, 0: none */
   vector kept_low;

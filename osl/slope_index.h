@@ -266,7 +266,7 @@ int index_serves(output Map map, Footprint footprint, HalfVector hints[8], int h
   float found_cost = map.is_linear ? INDEX_PATCH_COST : INDEX_TEXEL_COST;
   float index_cost = blocks * (INDEX_BLOCK_COST * hint_count + share * INDEX_SIDE * INDEX_SIDE * INDEX_LISTED_COST) +
                      footprint.area * share * found_cost;
-  float visit_cost = footprint.area > LARGEST_VISIT ? LARGEST_VISIT * found_cost :
+  float visit_cost = footprint.area > map.visits ? map.visits * found_cost :
                                                       footprint.area * (map.is_linear ? PATCH_COST : TEXEL_COST);
   return index_cost < visit_cost;
 }

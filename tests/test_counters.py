@@ -12,6 +12,7 @@ from mathutils import Vector
 
 from demo_scenes import maps, stage
 from glint_addon import close_views, paths
+from glint_addon.lights.choice import LARGEST_VISIT
 from glint_addon.material import create_glint_material, glint_groups
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
@@ -20,7 +21,6 @@ from glint_addon.prepare import prepare_scene
 from .helpers import cycles
 from .helpers.counters import MODES, REASONS, counters, show
 
-LARGEST_VISIT = 4096  # osl/query.h
 LARGEST_GROUPS = 16  # of blocks, read for one light where no slope stands out: FAR_GROUPS of osl/counts.h
 CORNERS = 8  # along a side of the cells of a light, at most: osl/counts.h has room for 7 x 7 cells
 LARGEST_CLOSURES = 61  # the budget of osl/selection.h and the remainder; Cycles keeps 64
@@ -317,6 +317,19 @@ def test_far_views_without_counts_and_index_visit_and_return_no_more_than_the_bo
     assert (seen.mode == MODE["SUBSET"]).all() and (seen.visited == LARGEST_VISIT).all()
     assert (seen.closures == seen.closures.round()).all()
     assert 8 < seen.closures.max() <= LARGEST_CLOSURES
+
+
+@pytest.mark.parametrize("texels", [10, 100])
+def test_of_ten_lights_alike_a_sample_visits_a_few_elements_and_no_counts(texels):
+    scene, _, material = build(texels=texels, interpolation="CLOSEST", suns=8)
+    assert (counters(scene, material).mode != MODE["SUBSET"]).all()
+    for index in (1, 2):
+        cycles.add_sun(scene, (-0.1 * index, 1, 1), angle=0.01)
+    assert len(prepare_scene(scene)["hints"]) == 8
+    seen = counters(scene, material)
+    # About a tenth of the variance is left to chance, some more or less by where the suns stand: 10 / 0.1.
+    assert (seen.mode == MODE["SUBSET"]).all() and (seen.visited == seen.visited.flat[0]).all()
+    assert 40 < seen.visited.flat[0] < 250
 
 
 def test_a_far_ball_whose_footprints_turn_more_than_counts_may_is_not_left_to_a_random_subset():

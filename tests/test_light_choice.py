@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from glint_addon import create_glint_material, prepare_scene
-from glint_addon.lights.choice import MISSES, OUT_OF_REACH, TOO_DIM, TOO_MANY, choose
+from glint_addon.lights.choice import (
+    FEWEST_VISITS,
+    LARGEST_VISIT,
+    MISSES,
+    OUT_OF_REACH,
+    TOO_DIM,
+    TOO_MANY,
+    choose,
+)
 from glint_addon.lights.hint import Hint
 from glint_addon.nodes import glint_bsdf, glint_lights
 from glint_addon.reach import REGION, Facets, judgements
@@ -88,6 +96,17 @@ def test_in_doubt_a_light_comes_first_and_nothing_beside_it_is_called_dim():
     choice = choose(hints, values)
     assert [hint.name for hint in choice.hints] == list("ABCDEFGH")
     assert {reason for _, reason in choice.left} == {TOO_MANY}
+
+
+@pytest.mark.parametrize(
+    ("values", "visits"),
+    [([1.0] * 8, LARGEST_VISIT), ([1.0] * 9, 90), ([1.0] * 80, FEWEST_VISITS), ([1.0] * 8 + [0.1], LARGEST_VISIT),
+     ([1.0] * 8 + [0.2], 2010), ([math.inf] + [1.0] * 8, LARGEST_VISIT), ([], LARGEST_VISIT)],
+    ids=["eight", "nine", "eighty", "a dim ninth", "a ninth", "in doubt", "none"],
+)
+def test_fewer_elements_are_visited_where_lights_beyond_the_eighth_make_noise(values, visits):
+    """Visits of m elements divide the variance of the others by m, which is to be a tenth of that of the ninth."""
+    assert choose(*some_hints(values)).visits == visits
 
 
 def test_lights_that_miss_the_material_or_are_out_of_reach_free_their_places():

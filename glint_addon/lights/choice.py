@@ -22,6 +22,11 @@ from .softness import TOO_SOFT
 # Measured with a sun and seven dim ones at 4 spp, all hinted or one: error 0.15 or 0.34 where the dim ones are 0.008 of
 # the noise, 0.14 or 0.17 at 0.0026, in three quarters of the time; at 0.001 the same law adds a twentyfifth.
 NEGLIGIBLE = 0.001
+# Elements of the map that a sample visits at most: osl/query.h. Fewer where lights beyond the eighth make noise that no
+# visit takes away: as many as leave the others ENOUGH times less variance than these have, but some.
+LARGEST_VISIT = 4096
+ENOUGH = 10.0
+FEWEST_VISITS = 16
 FRAMES = 17  # of an animation that are looked at; lights are ranked, so what lies between changes little
 NEVER = -1.0  # the value of a light that never shines on the material
 # Objects whose shape may change are taken to be this much larger than their mesh at rest.
@@ -58,10 +63,12 @@ class Boxes:
 
 @dataclass(frozen=True)
 class Choice:
-    """hints: those a material looks for, by name; left: the others as (name, reason in words)."""
+    """hints: those a material looks for, by name; left: the others as (name, reason in words); visits: elements of the
+    map that a sample should visit at most."""
 
     hints: tuple[Hint, ...]
     left: tuple[tuple[str, str], ...]
+    visits: int = LARGEST_VISIT
 
 
 def choose(found: list[Hint], values: list[float], reached=None, soft=frozenset(), *, negligible=NEGLIGIBLE) -> Choice:
@@ -80,6 +87,7 @@ def choose(found: list[Hint], values: list[float], reached=None, soft=frozenset(
     # Leave out the dimmest of the rest, as many as matter little together: noise adds by its squares. Of one that is
     # dark at all frames that were looked at, but moves, nothing is known.
     total = hypot(*(worth[hint] for hint in ranked))
+    chance = hypot(*(worth[hint] for hint in ranked[HINT_COUNT:]))
     bright = [hint for hint in ranked if worth[hint] > 0.0]
     for place, hint in reversed(list(enumerate(bright))):
         if hypot(*(worth[other] for other in bright[place:])) > negligible * total or total == inf:
@@ -88,7 +96,13 @@ def choose(found: list[Hint], values: list[float], reached=None, soft=frozenset(
     return Choice(
         tuple(hint for hint in found if hint not in reasons),
         tuple((hint.name, reasons[hint]) for hint in found if hint in reasons),
+        _visits((chance / total) ** 2 if 0.0 < total < inf else 0.0),
     )
+
+
+def _visits(chance: float) -> int:
+    """Elements to visit where `chance`, 0..1, of the variance is left to chance: the rest divides by their number."""
+    return LARGEST_VISIT if chance * LARGEST_VISIT <= ENOUGH else max(round(ENOUGH / chance), FEWEST_VISITS)
 
 
 def noise_in_remainder(hint: Hint, boxes: Boxes, frames, alpha: float) -> float:

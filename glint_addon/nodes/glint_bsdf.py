@@ -17,7 +17,7 @@ from .driven import Driven, Variable, write_number
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
-VERSION = 8
+VERSION = 9
 SCRIPT_NODE = "Glint"
 LIGHTS_NODE = "Lights"
 CAUSTICS_NODE = "Caustics"
@@ -142,6 +142,13 @@ def share_closures(group, lobes: int):
     script = group.nodes.get(SCRIPT_NODE)
     if script is not None and script.inputs["Lobes"].default_value != lobes:
         script.inputs["Lobes"].default_value = lobes
+
+
+def limit_visits(group, visits: int):
+    """Tell the group's OSL node how many elements of the map a sample visits at most, 1 to `LARGEST_VISIT`."""
+    script = group.nodes.get(SCRIPT_NODE)
+    if script is not None and script.inputs["Visits"].default_value != visits:
+        script.inputs["Visits"].default_value = visits
 
 
 def _counts_values(path, levels, low, high) -> dict:
