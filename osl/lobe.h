@@ -189,7 +189,8 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
   int is_searched = mode == MODE_ALL || mode == MODE_SUBSET;
   float widest = FAR_SIDE_FIRST;
   while (widest > 0.0) {
-    if (map.visits > COUNTS_VISITS && counts_serve(map, hints, hint_count, lobes, alpha, footprint, widest, shift, level, cells)) {
+    if (map.visits > COUNTS_VISITS &&
+        counts_serve(map, hints, hint_count, lobes, alpha, footprint, widest, shift, level, cells)) {
       mode = MODE_COUNTS;
     }
     else if (widest == FAR_SIDE_FIRST && is_searched && index_serves(map, footprint, hints, hint_count, hit.u, hit.v)) {

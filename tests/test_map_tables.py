@@ -161,6 +161,19 @@ def test_a_group_of_another_version_gets_fresh_tables(scene, plane):
     assert shown(group_of(plane)) == before and group_of(plane)[STAMP] == glint_bsdf.VERSION
 
 
+def test_a_group_of_another_version_that_no_camera_sees_stays_as_it_is(scene, plane):
+    """Its shader may lack inputs of this version."""
+    group = group_of(plane)
+    group[STAMP] = glint_bsdf.VERSION - 1
+    group.nodes.remove(group.nodes[glint_bsdf.SCRIPT_NODE])
+    group.nodes.new("ShaderNodeScript").name = glint_bsdf.SCRIPT_NODE
+    plane.location.z = 50.0
+    assert prepare_scene(scene)["unseen"] == ["Sparkle"]
+    assert group_of(plane)[STAMP] == glint_bsdf.VERSION - 1 and not group_of(plane).nodes[glint_bsdf.SCRIPT_NODE].inputs
+    plane.location.z = 0.0
+    assert prepare_scene(scene)["unseen"] == [] and "Visits" in group_of(plane).nodes[glint_bsdf.SCRIPT_NODE].inputs
+
+
 def test_a_missing_map_keeps_its_counts(scene, plane, tmp_path):
     look(scene, 64)
     first = prepare_scene(scene)

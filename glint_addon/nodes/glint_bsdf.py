@@ -139,16 +139,20 @@ def set_table(group, path: str, size, slope_low, slope_high, counts=None, index:
 
 def share_closures(group, lobes: int):
     """Tell the group's OSL node how many Glint BSDFs, 1 or more, share the closures of a shading point with it."""
-    script = group.nodes.get(SCRIPT_NODE)
-    if script is not None and script.inputs["Lobes"].default_value != lobes:
-        script.inputs["Lobes"].default_value = lobes
+    _set_constant(group, "Lobes", lobes)
 
 
 def limit_visits(group, visits: int):
-    """Tell the group's OSL node how many elements of the map a sample visits at most, 1 to `LARGEST_VISIT`."""
+    """Tell the group's OSL node how many elements of the map a sample visits at most, 1 to 4096 (osl/query.h)."""
+    _set_constant(group, "Visits", visits)
+
+
+def _set_constant(group, name, value):
+    """Groups that no camera sees stay as an older version made them, and may have no such input."""
     script = group.nodes.get(SCRIPT_NODE)
-    if script is not None and script.inputs["Visits"].default_value != visits:
-        script.inputs["Visits"].default_value = visits
+    socket = script.inputs.get(name) if script is not None else None
+    if socket is not None and socket.default_value != value:
+        socket.default_value = value
 
 
 def _counts_values(path, levels, low, high) -> dict:
