@@ -12,7 +12,7 @@ from .nodes.glint_bsdf import is_glint_group
 from .nodes.script_node import osl_available
 
 SWITCHED_ON = "glint_switched_osl_on"  # property of a scene: it was Glint that switched OSL on there
-NO_LIGHT = "No glint in view has a small light to look for"
+NO_LIGHT = "No glint in view has a light worth looking for"
 LEFT_OFF = f"{NO_LIGHT}: Open Shading Language is off, and Blender's own nodes render the same picture, faster."
 LEFT_ON = f"{NO_LIGHT}: switch Open Shading Language off in the Render properties, and the same picture renders faster."
 
