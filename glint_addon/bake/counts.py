@@ -174,7 +174,7 @@ def bake_counts(
     levels: tuple[int, int],
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Path, bool, np.ndarray, np.ndarray]:
-    """Write the counts of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless they are there.
+    """Write the counts of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless there and whole.
 
     levels and progress as for `counts_texels`. Returns the path, whether it was written now, and the slope box, low and
     high. The file appears whole or not at all; its header keeps the box. Raises TableError for levels that the map has

@@ -1,10 +1,16 @@
-"""Float images on disk that appear whole or not at all."""
+"""Float images on disk that appear whole or not at all, and that tell later whether they still are.
+
+A full disk, a copy that broke off, or a machine that lost its power leaves files of the right name, often of the right
+size, that end in zeros. So each file carries a digest of itself, as an attribute of its OpenEXR header: it goes where
+the file goes. The attribute has a fixed length, so that it can be filled in when all else is written.
+"""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from os import SEEK_END
 from pathlib import Path
 from uuid import uuid4
 
@@ -14,6 +20,15 @@ from ..errors import TableError
 from .progress import Steps
 
 SMALLEST_WIDTH, LARGEST_WIDTH = 16, 1 << 20  # of a list's file, in texels; OpenImageIO writes no wider OpenEXR file
+ATTRIBUTE, DIGITS = "glint:digest", 64  # of the header: SHA-256
+BLANK = "0" * DIGITS  # what the attribute holds until the digest is known, and while it is computed
+# The attribute as it lies in the file: name, type, length, value (OpenEXR File Layout, openexr.com).
+FIELD = f"{ATTRIBUTE}\0string\0".encode() + DIGITS.to_bytes(4, "little")
+# What is digested besides the file's size: so many blocks, spread evenly, with the first and the last; all of a file
+# that has no more. A block is a page, the least that disks and caches lose and the least that a read costs. Whatever
+# is lost in one piece, 1 / 63 of the file or more, meets a block. To read all of 268 MB takes 0.25 s, each time a
+# scene is prepared; these blocks take 0.3 ms, and few seeks where the disk is slow.
+BLOCK, BLOCKS = 4096, 64
 ROWS = 32  # written at a time: no copy of a whole picture, and two blocks of compressed rows for two threads
 
 
@@ -52,7 +67,7 @@ def write_whole(path: Path, pixels, *, half: bool = False, pairs=None, steps: St
 
     pixels: float32 array or PixelRows. half: 16-bit floats, compressed; else 32-bit and not compressed, because loading
     must not cost more than reading. pairs: {name: two floats} for the header, see `stored_pairs`. steps: told of each
-    row written; what its listener raises leaves no file.
+    row written; what its listener raises leaves no file. The file carries its digest, see `is_whole`.
     Raises TableError if the folder or the disk does not take it.
     """
     try:
@@ -66,6 +81,7 @@ def write_whole(path: Path, pixels, *, half: bool = False, pairs=None, steps: St
         ) from error
     try:
         write_image(str(temporary), pixels, half=half, pairs=pairs, steps=steps)
+        _add_digest(temporary)
         temporary.replace(path)
     except OSError as error:
         raise TableError(f"Glint table {path} cannot be written ({error.strerror}): free some disk space.") from error
@@ -73,13 +89,64 @@ def write_whole(path: Path, pixels, *, half: bool = False, pairs=None, steps: St
         temporary.unlink(missing_ok=True)
 
 
+def is_whole(path: Path) -> bool:
+    """Whether `path` is a file of `write_whole` that is as it was written: False too if it is not there or unreadable.
+
+    Reads BLOCKS blocks of BLOCK bytes at most, whatever its size.
+    """
+    try:
+        if not path.is_file():  # to open a pipe would wait forever
+            return False
+        with path.open("rb", buffering=BLOCK) as file:
+            place, stored, digest = _digests(file)
+    except OSError:
+        return False
+    return place > 0 and stored == digest
+
+
+def _add_digest(path):
+    """Fill in the blank digest of a file that is written but for that."""
+    with path.open("r+b", buffering=BLOCK) as file:
+        place, _, digest = _digests(file)
+        file.seek(place)
+        file.write(digest)
+
+
+def _digests(file) -> tuple[int, bytes, bytes]:
+    """Where a file keeps its digest (0: nowhere), what is written there, and what should be."""
+    size = file.seek(0, SEEK_END)
+    digest = hashlib.sha256(str(size).encode())
+    place, stored = 0, b""
+    for start in _block_starts(size):
+        file.seek(start)
+        block = file.read(BLOCK)
+        if start == 0 and FIELD in block:
+            place = block.index(FIELD) + len(FIELD)
+            stored = block[place : place + DIGITS]
+            block = block[:place] + BLANK.encode() + block[place + DIGITS :]
+        digest.update(block)
+    return place, stored, digest.hexdigest().encode()
+
+
+def _block_starts(size) -> list[int]:
+    """First byte of each block that is digested: whole pages, but for the last, which ends where the file ends."""
+    if size <= BLOCK * BLOCKS:
+        return list(range(0, size, BLOCK))
+    last = size - BLOCK
+    return [last * k // (BLOCKS - 1) // BLOCK * BLOCK for k in range(BLOCKS - 1)] + [last]
+
+
 def write_image(path: str, pixels, *, half: bool = False, pairs=None, steps: Steps | None = None):
-    """Write `pixels` as `write_whole` does, in place; TableError with OpenImageIO's words if that fails."""
+    """Write `pixels` as `write_whole` does, in place and with a blank digest.
+
+    Raises TableError with OpenImageIO's words if that fails.
+    """
     from .openimageio import oiio
 
     height, width = pixels.shape[:2]
     spec = oiio.ImageSpec(width, height, 4, oiio.HALF if half else oiio.FLOAT)
     spec.attribute("compression", "zip" if half else "none")
+    spec.attribute(ATTRIBUTE, BLANK)
     for name, pair in (pairs or {}).items():
         spec.attribute(name, oiio.TypeDesc(oiio.FLOAT, oiio.VEC2), tuple(map(float, pair)))
     output = oiio.ImageOutput.create(path)
@@ -102,13 +169,13 @@ def write_image(path: str, pixels, *, half: bool = False, pairs=None, steps: Ste
 
 
 def stored_pairs(path: Path, names) -> list[np.ndarray] | None:
-    """The pairs of floats, float32 (2,), under these names in an image's header; None if the file has not all of them.
+    """The pairs of floats, float32 (2,), under these names in a whole file's header; None if it has not all of them.
 
-    None too if there is no such file, or it is no image.
+    None too if the file is not whole.
     """
     from .openimageio import oiio
 
-    if not path.is_file() or path.stat().st_size == 0:
+    if not is_whole(path):
         return None
     source = oiio.ImageInput.open(str(path))
     if source is None:

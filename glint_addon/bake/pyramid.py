@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import MapError, TableError
-from .float_image import content_digest, write_whole
+from .float_image import content_digest, is_whole, write_whole
 
 MAGIC = 5344.0  # exact in half floats; any number that no mean of alphas reaches
 BORDER = 1  # texels around each level; bilinear interpolation looks no further
@@ -166,7 +166,7 @@ def pyramid_name(stored: np.ndarray, *, encoded: bool, associated: bool, half: b
 
 
 def bake_pyramid(stored: np.ndarray, folder, *, encoded: bool, associated: bool, half: bool = False, name="image"):
-    """Write the pyramid of `stored` into `folder`, unless it is there already: (path, whether it was written now).
+    """Write the pyramid of `stored` into `folder`, unless it is there and whole: (path, whether it was written now).
 
     stored: (height, width, 4) float32 as Cycles holds the image, row 0 at the bottom (see the module's docstring);
     encoded: RGB is sRGB-encoded; associated: RGB is multiplied by alpha; half: 16-bit floats are enough (8-bit images).
@@ -180,7 +180,7 @@ def bake_pyramid(stored: np.ndarray, folder, *, encoded: bool, associated: bool,
     # Cycles shows a texel with any value that is not finite as 0.
     stored = np.where(np.isfinite(stored).all(axis=2, keepdims=True), stored, np.float32(0)).astype(np.float32)
     path = Path(folder) / pyramid_name(stored, encoded=encoded, associated=associated, half=half)
-    if path.is_file() and path.stat().st_size > 0:
+    if is_whole(path):
         return path, False
     write_whole(path, atlas(levels(stored, encoded=encoded, associated=associated)), half=half)
     return path, True

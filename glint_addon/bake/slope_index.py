@@ -29,7 +29,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .float_image import content_digest, list_shape, write_whole
+from .float_image import content_digest, is_whole, list_shape, write_whole
 from .progress import Steps
 from .slope_counts import LARGEST_SLOPE
 
@@ -86,14 +86,14 @@ def index_name(normals: np.ndarray, interpolation: str) -> str:
 def bake_index(
     normals: np.ndarray, folder: Path, *, interpolation: str, progress: Callable[[float], None] | None = None
 ) -> tuple[Path, bool]:
-    """Write the index of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless it is there already.
+    """Write the index of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless there and whole.
 
     progress: called with the part that is done, 0..1, often; what it raises ends the bake.
     Returns its path and whether it was written now. The file appears whole or not at all.
     Raises TableError if the folder cannot be written to.
     """
     path = Path(folder) / index_name(normals, interpolation)
-    if path.is_file() and path.stat().st_size > 0:
+    if is_whole(path):
         return path, False
     texels = index_texels(normals, interpolation, progress and (lambda part: progress(INDEXED * part)))
     write_whole(path, texels, steps=Steps(progress, len(texels), start=INDEXED))

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .float_image import PixelRows, content_digest, write_whole
+from .float_image import PixelRows, content_digest, is_whole, write_whole
 from .progress import Steps
 
 MAGIC = 7919.0  # any number that no filtered alpha can reach by accident
@@ -98,14 +98,14 @@ def table_name(normals: np.ndarray, interpolation: str) -> str:
 def bake_table(
     normals: np.ndarray, folder: Path, *, interpolation: str = "LINEAR", progress: Callable[[float], None] | None = None
 ) -> tuple[Path, bool]:
-    """Write the table of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless it is there already.
+    """Write the table of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless there and whole.
 
     progress: called with the part that is done, 0..1, often; what it raises ends the bake.
     Returns its path and whether it was written now. The file appears whole or not at all.
     Raises TableError if the folder cannot be written to.
     """
     path = Path(folder) / table_name(normals, interpolation)
-    if path.is_file() and path.stat().st_size > 0:
+    if is_whole(path):
         return path, False
     width, height = table_size(normals)
     pixels = PixelRows((height, width, 4), lambda low, high: table_rows(normals, interpolation, low, high))
