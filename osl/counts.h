@@ -103,10 +103,10 @@ int level_groups(int size, int block)
   return max((size + block) / (2 * block), 1);
 }
 
-/* Texels of all levels before the one with blocks of that side, and the header. */
+/* Texels of all levels before the one with blocks of that side. */
 int texels_before(Counts counts, int block, int width, int height, int is_linear)
 {
-  int texels = 1;
+  int texels = 0;
   for (int side = counts.first; side < block; side *= 2) {
     int corners = level_corners(side, is_linear);
     int groups = level_groups(width, side) * level_groups(height, side);
@@ -132,15 +132,23 @@ Level counts_level(Counts counts, int block, int width, int height, int is_linea
     int rows = 2 * level.rows;
     level.unit = (width + columns - 1) / columns * ((height + rows - 1) / rows) / (PACKED_STEP - 1.0);
   }
-  int texels = texels_before(counts, counts.first << counts.levels, width, height, is_linear);
+  int texels = texels_before(counts, counts.first << counts.levels, width, height, is_linear) + 1; /* and the header */
   list_shape(texels, level.log_width, level.inverse_width, level.inverse_height);
   return level;
 }
 
-/* Whether the table is there, is the one that `counts` tells of, and is whole (see table_is_intact). */
+/* A texel of the list; its rows lie from the top down, as in the file. */
+color counts_texel(Counts counts, Level level, int texel, output float last)
+{
+  return texture(counts.table, ((texel & ((1 << level.log_width) - 1)) + 0.5) * level.inverse_width,
+                 1.0 - ((texel >> level.log_width) + 0.5) * level.inverse_height, 0, 0, 0, 0, "alpha", last);
+}
+
+/* Whether the table is there, is the one that `counts` tells of, and is whole (see table_is_intact): the header lies at the
+ * file's end. */
 int counts_are_intact(Counts counts, Level level)
 {
-  color header = texture(counts.table, 0.5 * level.inverse_width, 0.5 * level.inverse_height, 0, 0, 0, 0);
+  color header = texture(counts.table, 1.0 - 0.5 * level.inverse_width, 0.5 * level.inverse_height, 0, 0, 0, 0);
   return header[0] == COUNTS_MAGIC && header[1] == counts.first && header[2] == counts.levels;
 }
 
@@ -639,10 +647,8 @@ void add_group(Counts counts, Level level, int group, color weight, float last_w
     int corner_left = 0;
     for (int i = 0; i <= grid.columns; ++i) {
       int corner_column = clamp(min(grid.start1 + i * grid.stride1, grid.end1) + shift1, 0, level.corners - 1);
-      int index = row_texel + corner_column;
       float last = 0;
-      color corner = texture(counts.table, ((index & ((1 << level.log_width) - 1)) + 0.5) * level.inverse_width,
-                             ((index >> level.log_width) + 0.5) * level.inverse_height, 0, 0, 0, 0, "alpha", last);
+      color corner = counts_texel(counts, level, row_texel + corner_column, last);
       if (is_packed) {
         color second = floor(corner / PACKED_STEP);
         float second_last = floor(last / PACKED_STEP);

@@ -125,27 +125,31 @@ struct Search {
   int row;
   int plane_column;
   int plane_row;
+  int columns; /* how many texels wide it is */
   int first; /* texel of its first eight elements */
 };
 
-/* Visit the elements `start` to `end` of a block for the k-th hint. */
+/* Visit the elements `start` to `end` of a block for the k-th hint: of its list, or of its texels row by row. */
 void visit_listed(output Map map, Index index, Search search, HalfVector hint, HalfVector hints[8], int k, float alpha,
-                  int start, int end, output Selection s, output int visited)
+                  int is_listed, int start, int end, output Selection s, output int visited)
 {
   for (int group = start / 8; 8 * group < end; ++group) {
     float last = 0;
-    color pairs = index_texel(index, search.first + group, last);
-    map.fetches += 1;
+    color pairs = 0;
+    if (is_listed) {
+      pairs = index_texel(index, search.first + group, last);
+      map.fetches += 1;
+    }
     int lane_end = min(end - 8 * group, 8);
     for (int lane = max(start - 8 * group, 0); lane < lane_end; ++lane) {
       int code = (int)(lane < 2 ? pairs[0] : lane < 4 ? pairs[1] : lane < 6 ? pairs[2] : last);
-      code = lane & 1 ? code >> 10 : code & 1023;
+      code = !is_listed ? 8 * group + lane : lane & 1 ? code >> 10 : code & 1023;
       int x = code & (INDEX_SIDE - 1);
       int y = code >> 5;
       float du = search.plane_column + x + 0.5 - search.u;
       float dv = search.plane_row + y + 0.5 - search.v;
       float weight = footprint_kernel(search.quu * du * du + 2.0 * search.quv * du * dv + search.qvv * dv * dv);
-      if (weight > 0.0) {
+      if (weight > 0.0 && x < search.columns) {
         visited += 1;
         if (map.is_linear) {
           visit_patch(map, hints, k, k + 1, alpha, MODE_INDEX, search.column + x, search.row + y, du - 0.5, dv - 0.5, 0, 0,
@@ -166,6 +170,7 @@ struct CellRange {
   int from2;
   int to2;
   int listed; /* elements in all cells; the others are the tail */
+  int is_intact; /* whether the block's record is there, whole and not shrunk (see table_is_intact); else no cells */
 };
 
 /* c1, c2, radius: the region around the hint's half vector, as the whole block sees it. */
@@ -191,6 +196,13 @@ CellRange block_cells(output Map map, Index index, int record, SlopeBasis basis,
   range.from2 = (int)clamp((low2 - margin - cells[1]) * scale2 - INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
   range.to2 = (int)clamp((high2 + margin - cells[1]) * scale2 + INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
   range.listed = (int)extent[2];
+  /* One number of each channel: any may be lost by itself. */
+  range.is_intact = magic == INDEX_MAGIC && extent[0] > 0.0 && extent[1] > 0.0 && cells[2] > 0.0 &&
+                    extent[2] == floor(extent[2]);
+  if (!range.is_intact) {
+    range.to2 = range.from2 - 1;
+    range.listed = 0;
+  }
   return range;
 }
 
@@ -218,14 +230,6 @@ void row_elements(output Map map, Index index, int record, CellRange range, int 
   end = bounds[1];
 }
 
-/* Whether the index is there, whole and not shrunk (see table_is_intact), by one record. */
-int index_is_intact(Index index, int record)
-{
-  float magic = 0;
-  color extent = index_texel(index, record + 1, magic);
-  return magic == INDEX_MAGIC && extent[2] == floor(extent[2]);
-}
-
 /* Whether the index answers for the footprint, and faster than a visit of all. */
 int index_serves(output Map map, Footprint footprint, HalfVector hints[8], int hint_count, float u, float v)
 {
@@ -240,10 +244,6 @@ int index_serves(output Map map, Footprint footprint, HalfVector hints[8], int h
   int first_u = block_start((int)floor(u), map.width, column);
   int first_v = block_start((int)floor(v), map.height, row);
   int record = INDEX_RECORD * (row * index.columns + column);
-  map.fetches += 1;
-  if (!index_is_intact(index, record)) {
-    return 0;
-  }
   /* How many candidates the block around the hit has. */
   int side_u = min(map.width - INDEX_SIDE * column, INDEX_SIDE);
   int side_v = min(map.height - INDEX_SIDE * row, INDEX_SIDE);
@@ -255,6 +255,9 @@ int index_serves(output Map map, Footprint footprint, HalfVector hints[8], int h
       return 0;
     }
     CellRange range = block_cells(map, index, record, basis, 0, 0, hint.radius + hint.patch_turn);
+    if (!range.is_intact) {
+      return 0;
+    }
     for (int cells = range.from2; cells <= range.to2; ++cells) {
       int start, end;
       row_elements(map, index, record, range, cells, start, end);
@@ -307,6 +310,7 @@ float index_query(output Map map, HalfVector hints[8], int hint_count, float alp
           search.row = INDEX_SIDE * place_v;
           search.plane_column = i;
           search.plane_row = j;
+          search.columns = side_u;
           int record = INDEX_RECORD * (place_v * index.columns + place_u);
           search.first = record + INDEX_FIRST_ELEMENT;
           float radius = hint.radius + 0.5 * (side_u * hypot(hint.shift_u1, hint.shift_u2) +
@@ -316,11 +320,11 @@ float index_query(output Map map, HalfVector hints[8], int hint_count, float alp
           /* After the rows of cells comes the tail; in one loop, because each call of a function is compiled anew. */
           for (int cells = range.from2; cells <= range.to2 + 1; ++cells) {
             int start = range.listed;
-            int end = side_u * side_v;
+            int end = (range.is_intact ? side_u : INDEX_SIDE) * side_v;
             if (cells <= range.to2) {
               row_elements(map, index, record, range, cells, start, end);
             }
-            visit_listed(map, index, search, hint, hints, k, alpha, start, end, s, visited);
+            visit_listed(map, index, search, hint, hints, k, alpha, range.is_intact, start, end, s, visited);
           }
         }
         i += side_u;

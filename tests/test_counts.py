@@ -11,6 +11,7 @@ from glint_addon.bake.normal_map import decoded_normals
 from glint_addon.bake.openimageio import oiio
 from glint_addon.errors import TableError
 from tests.helpers.normals import random_normals
+from tests.helpers.osl_functions import ROWS, evaluate
 
 INTERPOLATIONS = ("CLOSEST", "LINEAR")
 SIZES = [(100, 37), (37, 100), (1, 300), (200, 1), (1, 1), (128, 64), (131, 129)]  # width, height
@@ -35,7 +36,7 @@ def baked(normals, interpolation, levels=None):
 def level_tables(normals, interpolation, texels):
     """{block: (groups along v, groups along u, corners, corners, 4)}, found by the layout's own words."""
     height, width = normals.shape[:2]
-    tables, start = {}, 1
+    tables, start = {}, 0
     for block in counts.counts_levels(width, height, interpolation):
         side = counts.corners(block, interpolation)
         shape = (counts.groups(height, block), counts.groups(width, block), side, side, 4)
@@ -48,7 +49,7 @@ def level_tables(normals, interpolation, texels):
             level = unit * np.stack([level % 4096, level // 4096], axis=1).reshape(-1, side, side, 4)[:count]
         tables[block] = level.reshape(shape)
         start += stored * side * side
-    assert (texels[start:] == 0).all()
+    assert (texels[start:-1] == 0).all()
     return tables
 
 
@@ -147,7 +148,7 @@ def test_every_element_in_the_box_is_counted_once_in_each_level(width, height, i
 
 def test_counts_of_texels_are_whole():
     texels, _ = baked(random_normals(70, 50), "CLOSEST")
-    assert (texels == np.round(texels)).all() and texels[1:].max() > 1
+    assert (texels == np.round(texels)).all() and texels[:-1].max() > 1
 
 
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
@@ -168,18 +169,19 @@ def test_each_group_and_block_counts_its_own_part_of_the_map(interpolation):
         assert (ends[~inside] < 4 * block).all()  # the row and column beyond, no more
 
 
-def test_texels_lie_in_the_file_row_by_row_from_the_bottom(tmp_path):
+def test_texels_lie_in_the_file_row_by_row_and_the_header_at_its_end(tmp_path):
     normals = random_normals(520, 390)
     path, _, low, high = counts.bake_counts(normals, tmp_path, interpolation="CLOSEST", levels=(128, 128))
     source = read_image(path)
     width, rows = counts.file_size(520, 390, "CLOSEST", (128, 128))
     assert source.shape == (rows, width, 4)
-    np.testing.assert_array_equal(source[0, 0], [counts.MAGIC, 128, 1, 0])
+    np.testing.assert_array_equal(source[0, -1], [counts.MAGIC, 128, 1, 0])
+    assert path.read_bytes().endswith(np.float32(counts.MAGIC).tobytes())
     level = plain_level(normals, "CLOSEST", 128, (low, high))
     gu = counts.groups(520, 128)
     for h, g, j, i in ((0, 0, 5, 119), (1, 1, 50, 40), (0, 1, 119, 119)):
-        t = 1 + ((h * gu + g) * 120 + j) * 120 + i
-        np.testing.assert_array_equal(source[t // width, t % width], level[h, g, j, i])
+        t = ((h * gu + g) * 120 + j) * 120 + i
+        np.testing.assert_array_equal(source[rows - 1 - t // width, t % width], level[h, g, j, i])
 
 
 def test_a_range_of_levels_holds_the_same_groups_as_the_whole():
@@ -187,11 +189,11 @@ def test_a_range_of_levels_holds_the_same_groups_as_the_whole():
     texels, box = baked(normals, "LINEAR")
     whole = level_tables(normals, "LINEAR", texels)
     part = counts.counts_texels(normals, "LINEAR", (64, 128), box).reshape(-1, 4)
-    np.testing.assert_array_equal(part[0], [counts.MAGIC, 64, 2, 0])
-    start = len(part) - np.argmax((part[::-1] != 0).any(axis=1))  # after the last texel that is not empty
-    expected = texels[1 + sum(counts.level_texels(300, 200, block, "LINEAR") for block in (16, 32)) :]
-    np.testing.assert_array_equal(part[1:start], expected[: start - 1])
-    assert (expected[start - 1 :] == 0).all() and set(whole) == {16, 32, 64, 128}
+    np.testing.assert_array_equal(part[-1], [counts.MAGIC, 64, 2, 0])
+    end = len(part) - 1 - np.argmax((part[-2::-1] != 0).any(axis=1))  # after the last texel that is not empty
+    expected = texels[sum(counts.level_texels(300, 200, block, "LINEAR") for block in (16, 32)) : -1]
+    np.testing.assert_array_equal(part[:end], expected[:end])
+    assert (expected[end:] == 0).all() and set(whole) == {16, 32, 64, 128}
 
 
 @pytest.mark.parametrize("levels", [(16, 64), (64, 96), (128, 64), (64, 512)])
@@ -302,7 +304,7 @@ def test_horizontal_normals_are_not_counted_and_do_not_stretch_the_box():
 def test_a_map_without_a_normal_above_the_horizon_has_empty_counts(interpolation):
     normals = np.tile(np.array([1, 0, 0], np.float32), (64, 64, 1))
     texels, (low, high) = baked(normals, interpolation)
-    assert (low < high).all() and (texels[1:] == 0).all()
+    assert (low < high).all() and (texels[:-1] == 0).all()
 
 
 def test_the_file_holds_the_pixels_and_the_box_to_the_last_bit(tmp_path):
@@ -381,3 +383,48 @@ def test_progress_rises_to_one_in_many_steps_and_may_cancel_at_any(tmp_path, kin
         with pytest.raises(CancelError):
             bake(kind, normals, tmp_path / "cut", interpolation, (last, last), cancel)
         assert not (tmp_path / "cut").exists() or not list((tmp_path / "cut").iterdir())
+
+
+# --- the shader ---
+
+HEADERS = ("table.h", "normal_frame.h", "footprint.h", "light_hint.h", "map.h", "selection.h", "query.h", "counts.h")
+FETCH_BODY = """
+  Counts counts;
+  counts.table = "{file}"; counts.first = 32; counts.levels = {levels};
+  Level level = counts_level(counts, 64, {width}, {height}, 0);
+  float last;
+  color texel = counts_texel(counts, level, 4096 * (int)in[0] + (int)in[1], last);
+  out[0] = texel[0]; out[1] = texel[1]; out[2] = texel[2]; out[3] = last;
+  out[4] = counts_are_intact(counts, level); out[5] = level.first;
+"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(520, 390), (1600, 1200)])
+def test_the_shader_reads_every_row_of_the_file_and_its_header(tmp_path, width, height):
+    every = counts.counts_levels(width, height, "CLOSEST")
+    columns, rows = counts.file_size(width, height, "CLOSEST", (every[0], every[-1]))
+    assert (rows > 1) == (width > 1000)
+    # The list's texel t is (t, 1, 2, 3): whole numbers that a float32 holds exactly.
+    texels = np.empty((columns * rows, 4), np.float32)
+    texels[:] = np.arange(len(texels))[:, None] * np.float32([1, 0, 0, 0]) + np.float32([0, 1, 2, 3])
+    texels[-1, :3] = counts.MAGIC, every[0], len(every)
+    float_image.write_whole(tmp_path / "counts.exr", texels.reshape(rows, columns, 4)[::-1])
+    t = np.random.default_rng(1).integers(0, len(texels) - 1, ROWS)
+    body = FETCH_BODY.format(file=(tmp_path / "counts.exr").as_posix(), width=width, height=height, levels=len(every))
+    osl = evaluate(HEADERS, body, np.stack([t // 4096, t % 4096], axis=1), 6)
+    np.testing.assert_array_equal(osl[:, :4], texels[t])
+    assert (osl[:, 4] == 1).all() and (osl[:, 5] == counts.level_texels(width, height, 32, "CLOSEST")).all()
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.1, 0.5, 0.76, 0.9, 0.999])
+def test_the_shader_notices_counts_whose_end_is_lost(tmp_path, lost):
+    normals = random_normals(520, 390)
+    path, _, _, _ = counts.bake_counts(normals, tmp_path, interpolation="CLOSEST", levels=(32, 64))
+    body = FETCH_BODY.format(file=path.as_posix(), width=520, height=390, levels=2)
+    assert (evaluate(HEADERS, body, np.zeros((ROWS, 2)), 6)[:, 4] == 1).all()
+    data = path.read_bytes()
+    # Another name: Cycles keeps what it has read.
+    path = path.with_name("damaged.exr")
+    path.write_bytes(data[: int(lost * len(data))].ljust(len(data), b"\0"))
+    body = FETCH_BODY.format(file=path.as_posix(), width=520, height=390, levels=2)
+    assert (evaluate(HEADERS, body, np.zeros((ROWS, 2)), 6)[:, 4] == 0).all()

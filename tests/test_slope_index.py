@@ -1,6 +1,7 @@
 """The index table: every element once, in the cell of its slope; the shader finds by it what it finds one by one."""
 
 import re
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -26,6 +27,7 @@ LARGEST_SHARE = 0.6  # of the elements under a footprint that are visited, with 
 # roulette of closures lighter than 2e-5, which comes out otherwise.
 FAINT = 0.1  # of the mean: below, a pixel's difference counts as that of one so bright
 MEDIAN_DIFFERENCE, MEAN_DIFFERENCE, ROULETTE = 1e-4, 1e-3, 0.06
+RIM = 1 / 64  # of the light: one block in 64, at the rim of what is lost, keeps its header and loses of its lists
 
 
 def records(normals, interpolation):
@@ -59,7 +61,8 @@ def test_every_element_is_listed_once_and_within_its_cell_and_margin(width, heig
     seen = np.zeros((height, width), int)
     in_cells = 0
     for (block_u, block_v), ((shape, extent), before, elements) in records(normals, interpolation).items():
-        assert extent[3] == slope_index.MAGIC
+        # One number of each channel, by which the shader knows the record.
+        assert extent[3] == slope_index.MAGIC and min(extent[0], extent[1], shape[2]) > 0
         size = min(32, width - 32 * block_u) * min(32, height - 32 * block_v)
         listed = int(extent[2])
         ends = np.append(before[1:], listed)
@@ -174,3 +177,32 @@ def test_a_missing_or_shrunk_index_leaves_the_elements_one_by_one(scene, wall):
     for other in (group["glint_table"], "/no/such/file.exr"):
         table.default_value = other
         assert (counters.counters(scene, material).mode == MODE_ALL).all()
+
+
+def zeroed(data, start, end):
+    """The bytes of a file without those between two parts, 0..1, of its length."""
+    first, last = int(start * len(data)), int(end * len(data))
+    return data[:first] + bytes(last - first) + data[last:]
+
+
+# A file of one row holds alpha, blue, green and red one after the other: channels are lost, of some blocks or of all.
+LOST = [(0.01, 1.0), (0.5, 1.0), (0.9, 1.0), (0.4, 0.6)]
+
+
+def test_an_index_of_which_a_part_is_lost_takes_no_light_away(scene, wall):
+    image = maps.blender_image("map", maps.bumps(256))
+    material = create_glint_material("Wall", image, interpolation="CLOSEST", roughness=0.12)
+    wall.data.materials.append(material)
+    prepare_scene(scene)
+    (group,) = glint_groups(material)
+    table = group.nodes[SCRIPT_NODE].inputs["IndexTable"]
+    group.nodes[SCRIPT_NODE].inputs["CountsFirst"].default_value = 0
+    path = Path(table.default_value)
+    assert (counters.counters(scene, material).mode == MODE_INDEX).all()
+    expected = cycles.rendered(scene)[..., 0].mean()
+    for start, end in LOST:
+        # Another name: Cycles keeps what it has read.
+        damaged = path.with_name(f"lost_{start}.exr")
+        damaged.write_bytes(zeroed(path.read_bytes(), start, end))
+        table.default_value = str(damaged)
+        assert cycles.rendered(scene)[..., 0].mean() == pytest.approx(expected, rel=RIM)

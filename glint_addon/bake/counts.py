@@ -13,10 +13,11 @@ Texture Mapping", SIGGRAPH 1984), in blocks of several sizes, so that a footprin
 
 Layout (read by osl/counts.h; a test compares the constants): an RGBA float32 OpenEXR file, both sides powers of two,
 because Cycles fetches exactly only at (i + 0.5) / 2^n. Texel t of the list lies at column t % width, row t / width, row
-0 at the bottom:
+0 at the top, in the order of the file:
 
-* texel 0: (MAGIC, side of the first level's blocks, number of levels, 0);
-* from 1 on, for each level in rising B, each group row by row, each j, each i below `corners`: the number of elements
+* the file's last texel: (MAGIC, side of the first level's blocks, number of levels, 0). A file stores the channels of a
+  row one after the other, so that MAGIC is its last number, and is lost with whatever its end loses;
+* from 0 on, for each level in rising B, each group row by row, each j, each i below `corners`: the number of elements
   whose bin is below i along slope u and below j along slope v, in the group's four blocks (R: low u low v, G: high u
   low v, B: low u high v, A: high u high v). So (0, *) and (*, 0) are 0, and the last corner has all in the box.
 
@@ -38,7 +39,7 @@ from .progress import Steps
 from .slope_counts import group_counts, slope_box
 
 MAGIC = 7927.0  # in no table of another kind
-VERSION = 6  # part of the content address: raise it when the layout, the bins or the samples change
+VERSION = 7  # part of the content address: raise it when the layout, the bins or the samples change
 SUFFIX = ".exr"
 FIRST_BLOCK = {"CLOSEST": 32, "LINEAR": 16}  # texels; below, the shader enumerates elements
 # Corners of the slope grid along each axis, by block side: more as blocks hold more elements, and so many that all
@@ -141,10 +142,10 @@ def counts_texels(normals, interpolation: str, levels: tuple[int, int], box, pro
     blocks = stored_levels(width, height, interpolation, levels)
     file_width, rows = file_size(width, height, interpolation, levels)
     texels = np.zeros((file_width * rows, 4), np.float32)
-    texels[0, :3] = MAGIC, blocks[0], len(blocks)
+    texels[-1, :3] = MAGIC, blocks[0], len(blocks)
     points = [sub_points(block, interpolation) for block in blocks]
     steps = Steps(progress, width * height * sum(max(k * k, 1) for k in points))
-    start = 1
+    start = 0
     for block, k in zip(blocks, points, strict=True):
         size = level_texels(width, height, block, interpolation)
         unit = packed_unit(width, height, block)
@@ -157,7 +158,7 @@ def counts_texels(normals, interpolation: str, levels: tuple[int, int], box, pro
             else:
                 level[g] = group
         start += size
-    return texels.reshape(rows, file_width, 4)
+    return texels.reshape(rows, file_width, 4)[::-1]
 
 
 def counts_name(normals: np.ndarray, interpolation: str, levels: tuple[int, int]) -> str:

@@ -16,7 +16,9 @@ two, texel t at column t % width, row t / width, row 0 at the bottom. Block (i, 
 RECORD (j columns + i) on:
 
 * texel 0: low slope u, low slope v, cells per slope along u and along v;
-* texel 1: margin (slope), smallest n.z of what is in cells, number of elements in cells, MAGIC;
+* texel 1: margin (slope), smallest n.z of what is in cells, number of elements in cells, MAGIC. A file stores the
+  channels of a row one after the other, so any may be lost by itself, and is 0 then: margin, smallest n.z, cells per
+  slope along u and MAGIC, one of each channel, are more than 0 in all that is whole;
 * texels 2..127: for each cell, row by row, how many elements lie in the cells before it, four to a texel;
 * texels 128..255: the elements, cell by cell, then the tail: row SIDE + column within the block; two to a float (the
   second times SIDE^2), eight to a texel.
@@ -34,7 +36,7 @@ from .progress import Steps
 from .slope_counts import LARGEST_SLOPE
 
 MAGIC = 7951.0  # in no table of another kind
-VERSION = 2  # part of the content address: raise it when the layout changes
+VERSION = 3  # part of the content address: raise it when the layout changes
 SUFFIX = ".exr"
 SIDE = 32  # texels of a block
 COLUMNS, ROWS = 36, 14  # cells along slope u and v: as many as a record has room for
@@ -45,6 +47,7 @@ FIRST_PREFIX, FIRST_ELEMENT = 2, 128
 SPAN = 2.5
 # Deviations of the patches' half extents above their mean that the margin allows; wider patches are the tail.
 WIDE = 2.0
+LEAST_MARGIN = 1e-9  # slope: of texels, which have no extent; more than 0, and too little to widen anything
 LEAST_RANGE = 1e-6  # of slopes in a block: a flat block has cells too
 ROUNDING = 1e-5  # relative: patches all alike are not wider than their mean
 INDEXED = 0.96  # part of the work that is done when the index is in memory
@@ -115,6 +118,7 @@ def _row_records(normals, interpolation, low, high):
     margin = _mean_and_deviations(widest, listed, WIDE)[1]
     margin *= 1 + ROUNDING
     listed &= widest <= margin[:, None]
+    margin = np.maximum(margin, LEAST_MARGIN)
 
     start, scale = np.empty((2, count), np.float32), np.empty((2, count), np.float32)
     cell = np.zeros((count, SIDE * SIDE), np.int32)
