@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glint_addon.bake.normal_map import CONVENTIONS, LARGEST_SIDE, decoded_normals, slope_bounds
+from glint_addon.bake.normal_map import CONVENTIONS, LARGEST_SIDE, ROWS, decoded_normals, slope_bounds
 from glint_addon.errors import MapError
 
 seeds = st.integers(0, 2**32 - 1)
@@ -74,6 +74,20 @@ def test_normals_of_length_zero_are_counted_and_refused():
     image = np.full((4, 5, 3), 0.75, np.float32)
     image[0, 0] = image[2, 2] = image[3, 0] = 0.5
     assert "has 3 pixels of value (0.5, 0.5, 0.5)" in refusal(image)
+
+
+@pytest.mark.parametrize("value", [0.0, 0.25, 0.49])
+def test_a_black_or_grey_picture_is_refused_because_nothing_faces_up(value):
+    image = np.full((3 * ROWS, 5, 3), value, np.float32)
+    sentence = refusal(image, name="black.png")
+    assert '"black.png" has no pixel that faces up' in sentence and "choose a normal map" in sentence
+    # One texel that does is enough, wherever it is.
+    image[-1, -1] = (0.5, 0.5, 0.75)
+    assert decoded_normals(image)[-1, -1, 2] == 0.5
+
+
+def test_a_flat_map_is_a_mirror_and_not_refused():
+    assert (decoded_normals(np.full((4, 4, 3), (0.5, 0.5, 1.0), np.float32)) == (0, 0, 1)).all()
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)

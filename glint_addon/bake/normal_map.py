@@ -18,7 +18,8 @@ def decoded_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str
     pixels: (height, width, channels >= 3), values 0..1, row 0 at the bottom as in bpy; convention: 'OPENGL' (+Y up)
     or 'DIRECTX' (green is flipped). Returns float32 (height, width, 3), not normalised: the Normal Map node
     normalises after interpolation, so must we.
-    Raises MapError for a wrong shape, pixels that are NaN, infinite or beyond LARGEST_VALUE, or a normal of length 0.
+    Raises MapError for a wrong shape, pixels that are NaN, infinite or beyond LARGEST_VALUE, a normal of length 0, or
+    a map none of whose normals faces up.
     Source: Cycles, node_normal_map.osl.
     """
     if convention not in CONVENTIONS:
@@ -28,7 +29,7 @@ def decoded_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str
     if max(pixels.shape[:2]) > LARGEST_SIDE:
         raise MapError(f'Normal map "{name}" is larger than {LARGEST_SIDE} texels a side: scale it down.')
     normals = np.empty((*pixels.shape[:2], 3), np.float32)
-    unusable, without_direction = 0, 0
+    unusable, without_direction, faces_up = 0, 0, False
     for low in range(0, len(pixels), ROWS):
         colors = np.asarray(pixels[low : low + ROWS, :, :3], dtype=np.float32)
         usable = np.abs(colors) <= LARGEST_VALUE  # NaN is not
@@ -40,6 +41,7 @@ def decoded_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str
         part *= 2.0
         if convention == "DIRECTX":
             part[..., 1] *= -1.0
+        faces_up = faces_up or bool((part[..., 2] > 0.0).any())
         without_direction += int(np.count_nonzero(np.einsum("hwc,hwc->hw", part, part) <= 0.0))
     if unusable:
         raise MapError(f'Normal map "{name}" has {unusable} pixels that are NaN, infinite or huge: export it again.')
@@ -47,6 +49,11 @@ def decoded_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str
         raise MapError(
             f'Normal map "{name}" has {without_direction} pixels of value (0.5, 0.5, 0.5), which have no direction: '
             "fill them with (0.5, 0.5, 1)."
+        )
+    if not faces_up:
+        raise MapError(
+            f'Normal map "{name}" has no pixel that faces up and would render black, as a black or grey picture does: '
+            "choose a normal map, which is mostly light blue."
         )
     return normals
 
