@@ -7,7 +7,7 @@ from numbers import Real
 import bpy
 
 from .errors import MapError
-from .images import image_pixels, normal_map_image
+from .images import data_image, image_pixels, normal_map_image
 from .nodes.builder import add_node, arrange
 from .nodes.glint_bsdf import MapBinding, group_for, is_glint_group
 
@@ -129,7 +129,7 @@ def _decoded(image, convention):
     """Refuse a map that the bake would refuse, before anything is made."""
     from .bake.normal_map import decoded_normals
 
-    return decoded_normals(image_pixels(image), convention=convention, name=image.name)
+    return decoded_normals(image_pixels(data_image(image)), convention=convention, name=image.name)
 
 
 def _add_surface(material, group, roughness, color, strength, uv_map):

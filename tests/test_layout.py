@@ -14,7 +14,7 @@ CORE = BASE | {"images", "bake", "nodes", "lights", "material", "visibility", "j
 ALLOWED = {
     "paths": set(),
     "errors": set(),
-    "images": BASE,
+    "images": BASE | {"bake"},
     "bake": BASE,
     "nodes": BASE | {"bake", "images"},
     "motion": set(),

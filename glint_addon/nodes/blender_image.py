@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ..bake.openimageio import imported
 from ..bake.pyramid import srgb_encoded
 from ..errors import MapError
+from ..images import is_layered, layer_pixels, read_pixels
+from ..images.color_spaces import decoded_values, scene_linear
 
 # Cycles keeps sRGB images encoded in memory, if its working space has the same primaries.
 SRGB = "sRGB"
@@ -42,14 +41,14 @@ def stored_image(image: bpy.types.Image) -> StoredImage:
     cannot convert. Source: Cycles, scene/image_oiio.cpp, util/image_metadata.cpp, util/colorspace.cpp.
     """
     pixels = raw_pixels(image)
-    is_data = image.colorspace_settings.is_data
+    is_data, is_float = image.colorspace_settings.is_data, _is_float(image)
     associated = not is_data and image.alpha_mode in ("STRAIGHT", "PREMUL")
     space = image.colorspace_settings.name
     is_linear = space in (bpy.data.colorspace.working_space, "scene_linear")
     encoded = space == SRGB and bpy.data.colorspace.working_space == SRGB_LINEAR and cycles_keeps_encoding(image)
 
     # Blender gives bytes as they are, with straight alpha, and floats in scene-linear light, with associated alpha.
-    if not image.is_float:
+    if not is_float:
         if not (is_data or encoded or is_linear):
             pixels[..., :3] = scene_linear(pixels[..., :3], space, image.name)
         if associated:
@@ -60,7 +59,7 @@ def stored_image(image: bpy.types.Image) -> StoredImage:
     elif encoded:
         alpha = np.where(associated & (pixels[..., 3:] != 0), pixels[..., 3:], np.float32(1))
         pixels[..., :3] = srgb_encoded(pixels[..., :3] / alpha) * alpha
-    half = not image.is_float and (is_data or encoded)
+    half = not is_float and (is_data or encoded)
     return StoredImage(pixels, encoded, associated, half)
 
 
@@ -68,17 +67,23 @@ def raw_pixels(image: bpy.types.Image) -> np.ndarray:
     """`image.pixels` as (height, width, 4) float32, row 0 at the bottom. Raises MapError (see `stored_image`)."""
     if image.source in REFUSED_SOURCES:
         raise MapError(f'Image "{image.name}" {REFUSED_SOURCES[image.source]}: use the Bilinear filter.')
+    # Of a layered file Blender gives no pixels, and Cycles shows the first layer.
+    if is_layered(image):
+        pixels = _four_channels(layer_pixels(image))
+        return pixels if image.colorspace_settings.is_data else decoded_values(pixels, image)
     width, height = image.size
     if width * height == 0 or len(image.pixels) != width * height * image.channels:
         raise MapError(f'Image "{image.name}" has no pixels: check its path and reload it.')
-    values = np.empty(width * height * image.channels, np.float32)
-    image.pixels.foreach_get(values)
-    values = values.reshape(height, width, image.channels)
-    if image.channels == 4:
+    return _four_channels(read_pixels(image))
+
+
+def _four_channels(values):
+    height, width, channels = values.shape
+    if channels == 4:
         return values
     pixels = np.ones((height, width, 4), np.float32)
-    pixels[..., :3] = values[..., :3] if image.channels == 3 else values[..., :1]
-    if image.channels == 2:
+    pixels[..., :3] = values[..., :3] if channels == 3 else values[..., :1]
+    if channels == 2:
         pixels[..., 3] = values[..., 1]
     return pixels
 
@@ -86,18 +91,9 @@ def raw_pixels(image: bpy.types.Image) -> np.ndarray:
 def cycles_keeps_encoding(image: bpy.types.Image) -> bool:
     """Whether Cycles interpolates an sRGB `image` before decoding: bytes, and any file it reads by itself."""
     from_file = image.source == "FILE" and image.packed_file is None and not image.is_dirty
-    return not image.is_float or from_file
+    return not _is_float(image) or from_file
 
 
-def scene_linear(colors: np.ndarray, space: str, name: str) -> np.ndarray:
-    """`colors` (..., 3) of colour space `space` in Blender's working space, by OpenColorIO and Blender's own config."""
-    ocio = imported("PyOpenColorIO")
-    blenders = Path(bpy.utils.system_resource("DATAFILES")) / "colormanagement" / "config.ocio"
-    try:
-        config = ocio.Config.CreateFromFile(os.environ.get("OCIO") or str(blenders))
-        processor = config.getProcessor(space, bpy.data.colorspace.working_space)
-    except ocio.Exception as error:
-        raise MapError(f'Image "{name}" cannot be converted from "{space}" ({error}): choose sRGB.') from error
-    converted = np.array(colors, dtype=np.float32, order="C")
-    processor.getDefaultCPUProcessor().applyRGB(converted)
-    return converted
+def _is_float(image) -> bool:
+    """Layers are floats, though Blender, which does not load them, does not say so."""
+    return image.is_float or is_layered(image)

@@ -7,7 +7,7 @@ import bpy
 from bpy.props import FloatProperty, FloatVectorProperty, StringProperty
 
 from .failing_softly import FailsSoftly
-from .map_settings import MapSettings, check_uv_map, read_as_data
+from .map_settings import MapSettings, check_uv_map
 
 
 class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
@@ -69,19 +69,18 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
         target = context.object
         check_uv_map(target, self.uv_map, context)
         normal_map = self.chosen_map(context)
-        with read_as_data(normal_map, context.scene):
-            material = create_glint_material(
-                self.name or f"Glint {map_title(normal_map)}",
-                normal_map,
-                roughness=self.roughness,
-                distribution=self.distribution,
-                interpolation=self.interpolation,
-                convention=self.convention,
-                extension=self.extension,
-                color=tuple(self.color),
-                strength=self.strength,
-                uv_map=self.uv_map,
-            )
+        material = create_glint_material(
+            self.name or f"Glint {map_title(normal_map)}",
+            normal_map,
+            roughness=self.roughness,
+            distribution=self.distribution,
+            interpolation=self.interpolation,
+            convention=self.convention,
+            extension=self.extension,
+            color=tuple(self.color),
+            strength=self.strength,
+            uv_map=self.uv_map,
+        )
         assign(target, material)
         # The pick is spent: the next material starts with an empty field.
         context.scene.glint.normal_map = None

@@ -3,7 +3,7 @@
 import bpy
 
 from .failing_softly import FailsSoftly
-from .map_settings import MapSettings, check_uv_map, read_as_data
+from .map_settings import MapSettings, check_uv_map
 
 
 class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
@@ -40,26 +40,27 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
 
     def run(self, context):
         """Let every Glint BSDF node of the material use the group that reads the chosen map."""
+        from ..images import remove_unused_copies
         from ..material import bound_group
 
         material = active_material(context)
         if context.object is not None:
             check_uv_map(context.object, self.uv_map, context)
         normal_map = self.chosen_map(context)
-        with read_as_data(normal_map, context.scene):
-            group = bound_group(
-                normal_map,
-                interpolation=self.interpolation,
-                convention=self.convention,
-                extension=self.extension,
-                distribution=self.distribution,
-                uv_map=self.uv_map,
-            )
+        group = bound_group(
+            normal_map,
+            interpolation=self.interpolation,
+            convention=self.convention,
+            extension=self.extension,
+            distribution=self.distribution,
+            uv_map=self.uv_map,
+        )
         for node in glint_nodes(material):
             left, node.node_tree = node.node_tree, group
             follow_uv_map(node, self.uv_map)
             if left.users == 0:
                 bpy.data.node_groups.remove(left)
+        remove_unused_copies()
         # The pick is spent, as after adding a material.
         context.scene.glint.normal_map = None
         self.report({"INFO"}, f'"{material.name}" reads another map: press Prepare Glints before rendering')

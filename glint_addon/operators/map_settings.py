@@ -1,11 +1,9 @@
 """A normal map and how it is read, as settings that operators share."""
 
-from contextlib import contextmanager
-
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from ..errors import GlintError, SceneError
+from ..errors import SceneError
 
 HIDDEN = {"HIDDEN", "SKIP_SAVE"}
 
@@ -85,27 +83,6 @@ class MapSettings:
             self.layout.prop(self, name)
         if context.object and context.object.type == "MESH":
             self.layout.prop_search(self, "uv_map", context.object.data, "uv_layers")
-
-
-@contextmanager
-def read_as_data(normal_map, scene):
-    """Set an image that only the pick of `scene` uses to Non-Color, as normal maps are; undone if the block fails.
-
-    Blender opens every file as colour. An image that is in use elsewhere is left as it is.
-    """
-    settings, before = None, ""
-    if isinstance(normal_map, bpy.types.Image):
-        idle_users = (normal_map == scene.glint.normal_map) + normal_map.use_fake_user
-        # A file that cannot be read has no size, and no colour space to set.
-        if normal_map.users <= idle_users and normal_map.size[0]:
-            settings = normal_map.colorspace_settings
-            before, settings.name = settings.name, "Non-Color"
-    try:
-        yield
-    except GlintError:
-        if settings is not None:
-            settings.name = before
-        raise
 
 
 def check_uv_map(target, uv_map: str, context):

@@ -1,0 +1,42 @@
+"""Pixels -> the bytes of an image file that holds them exactly."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from ..errors import MapError
+
+
+def image_bytes(pixels: np.ndarray, *, is_float: bool, name: str) -> bytes:
+    """A file of `pixels`, float32 (height, width, channels), row 0 at the bottom: OpenEXR of 32-bit floats, else PNG.
+
+    name: of the image, for the MapError if the temporary folder does not take the file.
+    """
+    from .openimageio import oiio
+
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.FLOAT if is_float else oiio.UINT8)
+    spec.attribute("compression", "zips")  # half the time of "zip"
+    spec.attribute("png:compressionLevel", 1)  # of random facets hardly anything is gained by more
+    spec.attribute("oiio:UnassociatedAlpha", 1)  # the colours are values: alpha must not scale them
+    try:
+        with TemporaryDirectory(prefix="glint-") as folder:
+            path = Path(folder) / ("pixels.exr" if is_float else "pixels.png")
+            _write(oiio, str(path), spec, np.ascontiguousarray(pixels[::-1]))
+            return path.read_bytes()
+    except OSError as error:
+        reason = error.strerror or error
+        raise MapError(f'Image "{name}" cannot be copied ({reason}): free some disk space.') from error
+
+
+def _write(oiio, path, spec, pixels):
+    """OSError with OpenImageIO's words if that fails."""
+    output = oiio.ImageOutput.create(path)
+    if output is None:
+        raise OSError(oiio.geterror())
+    written = output.open(path, spec) and output.write_image(pixels)
+    if not (output.close() and written):
+        raise OSError(output.geterror())

@@ -1,0 +1,22 @@
+"""Blender's images as arrays and as normal maps: what they hold, whether they changed, and copies that read data."""
+
+from .data_copies import data_image, follow, is_data_copy, remove_unused_copies
+from .normal_map import normal_map_image
+from .pixels import USABLE_SOURCES, image_pixels, image_shape, is_layered, layer_pixels, read_pixels
+from .state import image_stamp, image_state
+
+__all__ = (
+    "USABLE_SOURCES",
+    "data_image",
+    "follow",
+    "image_pixels",
+    "image_shape",
+    "image_stamp",
+    "image_state",
+    "is_data_copy",
+    "is_layered",
+    "layer_pixels",
+    "normal_map_image",
+    "read_pixels",
+    "remove_unused_copies",
+)

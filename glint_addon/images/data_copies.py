@@ -1,0 +1,127 @@
+"""Copies of images that read them as data, so that images shown as colour need not be touched.
+
+Blender regenerates or reloads an image when its colour space is set, even to what it is, and all that was painted since
+its last save is gone. A copy is marked by strings, never by a pointer, which would keep the original in the file.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from .pixels import image_path, read_pixels
+from .state import image_state, is_unsaved
+
+OWNER = "glint_copy_of"  # the full name of the original
+STATE = "glint_copy_state"  # `image_state` of the original when it was copied
+CONTENT = "glint_copy_content"  # `_content` of the copy itself, which tells whether somebody gave it other pixels
+
+
+def data_image(image: bpy.types.Image, copy: bpy.types.Image | None = None) -> bpy.types.Image:
+    """`image` itself if it is read as data, else a copy "<name> (Non-Color)" that holds its values now as data.
+
+    copy: the one in use until now, which is brought up to date rather than left behind. A clean file is read again by
+    the copy; what is packed or painted is packed into it. Raises MapError if the pixels cannot be copied, and leaves
+    nothing behind.
+    """
+    if image.colorspace_settings.is_data:
+        return image
+    state = image_state(image)
+    if copy is not None:
+        _follow(copy, image, state)
+    for known in bpy.data.images:
+        if is_data_copy(known) and (known[OWNER], known[STATE]) == (image.name_full, state):
+            return known
+    copy = bpy.data.images.new(f"{image.name} (Non-Color)", 1, 1, is_data=True)
+    try:
+        copy.source, copy.alpha_mode = "FILE", "CHANNEL_PACKED"  # alpha scales no values
+        _fill(copy, image, state)
+    except Exception:
+        bpy.data.images.remove(copy)
+        raise
+    return copy
+
+
+def is_data_copy(image: bpy.types.Image | None) -> bool:
+    """Whether `image` is such a copy and nobody has painted on it since or given it another file."""
+    if image is None or image.library is not None or CONTENT not in image or not image.colorspace_settings.is_data:
+        return False
+    return not image.is_dirty and image[CONTENT] == _content(image)
+
+
+def follow(copy: bpy.types.Image, original: bpy.types.Image) -> bool:
+    """Bring a copy up to date with its original, in place; returns whether it had changed.
+
+    Leaves alone what is not a copy, a copy of another image, and a copy whose original's file is missing. Raises
+    MapError if the pixels cannot be copied; the copy is as it was then.
+    """
+    return _follow(copy, original, image_state(original))
+
+
+def remove_unused_copies():
+    """Remove the copies that nothing uses any more."""
+    bpy.data.batch_remove([image for image in bpy.data.images if is_data_copy(image) and image.users == 0])
+
+
+def _follow(copy, original, state) -> bool:
+    """`follow`, where the `image_state` of the original is known."""
+    if state == "" or copy == original or not is_data_copy(copy) or not _belongs(copy, original):
+        return False
+    copy[OWNER] = original.name_full
+    if copy[STATE] == state:
+        return False
+    _fill(copy, original, state)
+    return True
+
+
+def _belongs(copy, original) -> bool:
+    """Whether `copy` was made of `original`, which may be renamed by now, unless another image bears its old name."""
+    if copy[OWNER] == original.name_full:
+        return True
+    return all(image.name_full != copy[OWNER] for image in bpy.data.images)
+
+
+def _fill(copy, original, state):
+    """Give `copy` the values of `original`, whose `image_state` is `state`."""
+    contents = _contents(original)
+    if contents is None:
+        if copy.packed_file is not None:
+            copy.unpack(method="REMOVE")
+        copy.filepath = _path_here(original)  # Blender reads the file anew, even if it is the same
+    else:
+        # With a path Blender would replace what is packed by the file as soon as it is told to reload.
+        if copy.filepath:
+            copy.filepath = ""
+        copy.pack(data=contents, data_len=len(contents))
+        copy.buffers_free()
+    copy[OWNER], copy[STATE], copy[CONTENT] = original.name_full, state, _content(copy)
+    copy.update_tag()
+
+
+def _contents(image) -> bytes | None:
+    """An image file with the values of `image` as data; None if its own file is one."""
+    if not is_unsaved(image):
+        return None if image.packed_file is None else image.packed_file.data
+    from ..bake.image_bytes import image_bytes  # OpenImageIO, which no other image needs
+    from .color_spaces import stored_values
+
+    pixels = read_pixels(image)
+    # What no file has held yet is as somebody wrote it; Blender decodes the floats of a file when it loads them.
+    if image.is_float and image.source == "FILE":
+        pixels = stored_values(pixels, image)
+    return image_bytes(pixels, is_float=image.is_float, name=image.name)
+
+
+def _path_here(image) -> str:
+    """The path of an image's file as an image of this .blend file has it: relative if the image's own is."""
+    if image.library is None or not image.filepath.startswith("//") or not bpy.data.filepath:
+        return image.filepath if image.library is None else str(image_path(image))
+    try:
+        return bpy.path.relpath(str(image_path(image)))
+    except ValueError:  # another drive
+        return str(image_path(image))
+
+
+def _content(copy) -> str:
+    """Cheaply told, and the same wherever the .blend file is moved: name of its file, bytes packed."""
+    packed = copy.packed_file.size if copy.packed_file is not None else ""
+    return f"{copy.source}|{image_path(copy).name}|{packed}"

@@ -1,0 +1,92 @@
+"""Pixels of Blender's images, those of layered files too, which Blender itself does not give away."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..errors import MapError
+
+USABLE_SOURCES = ("FILE", "GENERATED")
+
+
+def image_path(image: bpy.types.Image) -> Path:
+    """The file of an image; relative paths count from the .blend file that holds the image."""
+    return Path(bpy.path.abspath(image.filepath, library=image.library))
+
+
+def image_pixels(image: bpy.types.Image) -> np.ndarray:
+    """Pixels of an image as Blender's Image Texture reads them, float32 (height, width, channels), row 0 at the bottom.
+
+    Raises MapError if they cannot be read.
+    """
+    check_pixels(image)
+    if is_layered(image):
+        return layer_pixels(image)
+    return read_pixels(image)
+
+
+def read_pixels(image: bpy.types.Image) -> np.ndarray:
+    """`image_pixels` of any image whose pixels Blender has, whatever it shows."""
+    width, height = image.size
+    pixels = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(height, width, image.channels)
+
+
+def layer_pixels(image: bpy.types.Image) -> np.ndarray:
+    """What Cycles shows of an image of layers, as it is stored: float32 (height, width, up to 4 channels).
+
+    Raises MapError if the file is damaged.
+    """
+    from ..bake.layers import first_layer
+
+    pixels = first_layer(image_path(image), _packed(image))
+    # Of a packed file Cycles associates even the alpha of data, unlike of any other.
+    is_straight = image.alpha_mode == "STRAIGHT" and image.colorspace_settings.is_data
+    if is_straight and image.packed_file is not None and pixels.shape[2] == 4:
+        pixels[..., :3] *= pixels[..., 3:]
+    return pixels
+
+
+def image_shape(image: bpy.types.Image) -> tuple[int, int, int]:
+    """(height, width, channels) of an image; (0, 0, 0) if it cannot be read."""
+    if is_layered(image):
+        from ..bake.layers import layer_shape  # OpenImageIO, which no other image needs
+
+        return layer_shape(image_path(image), _packed(image))
+    width, height = image.size
+    return (height, width, image.channels) if width * height else (0, 0, 0)
+
+
+def is_layered(image: bpy.types.Image) -> bool:
+    """Whether `image` is an OpenEXR file of layers, whose size and pixels Blender gives only to its Image Editor."""
+    # Only its type, which Blender knows after it has tried to read the file, tells it from a damaged one.
+    return 0 in image.size[:] and image.type == "MULTILAYER"
+
+
+def check_pixels(image: bpy.types.Image):
+    """Raise MapError for an image that cannot be a normal map: tiled, moving, without colours, without or of one pixel.
+
+    Reads no more of a layered file than its header.
+    """
+    if image.source == "TILED":
+        raise MapError(f'Normal map "{image.name}" is a UDIM set: use one material and one image for each tile.')
+    if image.source not in USABLE_SOURCES:
+        raise MapError(f'Normal map "{image.name}" is a {image.source.lower()}: choose a still image.')
+    height, width, channels = image_shape(image)
+    if 0 in (height, width):
+        raise MapError(f'Normal map "{image.name}" has no pixels (missing or not an image): choose an image file.')
+    if (height, width) == (1, 1):
+        raise MapError(f'Normal map "{image.name}" is a single pixel and holds no glints: choose a larger image.')
+    if channels >= 3:
+        return
+    if is_layered(image):
+        raise MapError(f'Normal map "{image.name}" has no colours in its first layer: save the map as its own file.')
+    raise MapError(f'Normal map "{image.name}" has no colour channels: choose an RGB normal map, not a height map.')
+
+
+def _packed(image) -> bytes | None:
+    return image.packed_file.data if image.packed_file is not None else None

@@ -1,0 +1,50 @@
+"""Whether an image changed: one string for what it holds now."""
+
+from __future__ import annotations
+
+import hashlib
+
+import bpy
+
+from .pixels import image_path, read_pixels
+
+
+def image_stamp(image: bpy.types.Image) -> str:
+    """Changes whenever the file of `image` does; "" where that cannot be told (generated, packed or painted images)."""
+    if image.source != "FILE" or image.packed_file or image.is_dirty:
+        return ""
+    path = image_path(image)
+    try:
+        state = path.stat()
+    except OSError:
+        return ""
+    return f"{path}|{state.st_mtime_ns}|{state.st_size}"
+
+
+def image_state(image: bpy.types.Image) -> str:
+    """Changes whenever the values do that `image` holds as data; "" for a file that is missing.
+
+    `image_stamp` of a clean file, whose colour space changes none of its values; else a digest, which reads all that is
+    packed or painted.
+    """
+    if is_unsaved(image):
+        return _pixels_digest(image)
+    if image.packed_file is not None:
+        return f"packed|{_digest(image.packed_file.data)}"
+    return image_stamp(image)
+
+
+def is_unsaved(image: bpy.types.Image) -> bool:
+    """Whether only Blender's memory holds the pixels: neither a file nor packed data does."""
+    return image.source == "GENERATED" or image.is_dirty
+
+
+def _pixels_digest(image) -> str:
+    # Blender keeps floats of a file decoded: the values the file would hold depend on how.
+    space = image.colorspace_settings
+    reading = "" if space.is_data or not image.is_float else f"{space.name}|{image.alpha_mode}"
+    return f"pixels|{image.size[0]}x{image.size[1]}|{reading}|{_digest(read_pixels(image).data)}"
+
+
+def _digest(data) -> str:
+    return hashlib.sha256(data).hexdigest()[:32]
