@@ -15,6 +15,7 @@ import bpy
 
 from .. import paths
 from ..errors import SceneError
+from ..images import image_shape
 from . import builder, glint_lights, script_node
 
 NAME = "Glint Image Texture"
@@ -104,7 +105,7 @@ def set_image(group, image, *, bake=True, folder=None):
     elif script is not None and image != image_of(group):
         script.inputs["File"].default_value = ""
     group.nodes[NEAREST_NODE].image = group.nodes[BILINEAR_NODE].image = image
-    group.nodes[ROW_NODE].outputs[0].default_value = 0.5 / max(image.size[1], 1)
+    group.nodes[ROW_NODE].outputs[0].default_value = 0.5 / max(image_shape(image)[0], 1)
 
 
 def bake_missing(folder=None) -> list[str]:
