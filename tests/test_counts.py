@@ -423,7 +423,7 @@ def test_the_shader_notices_counts_whose_end_is_lost(tmp_path, lost):
     body = FETCH_BODY.format(file=path.as_posix(), width=520, height=390, levels=2)
     assert (evaluate(HEADERS, body, np.zeros((ROWS, 2)), 6)[:, 4] == 1).all()
     data = path.read_bytes()
-    # Another name: Cycles keeps what it has read.
+    # Another name: with Persistent Data Cycles keeps what it has read.
     path = path.with_name("damaged.exr")
     path.write_bytes(data[: int(lost * len(data))].ljust(len(data), b"\0"))
     body = FETCH_BODY.format(file=path.as_posix(), width=520, height=390, levels=2)

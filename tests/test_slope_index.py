@@ -201,7 +201,7 @@ def test_an_index_of_which_a_part_is_lost_takes_no_light_away(scene, wall):
     assert (counters.counters(scene, material).mode == MODE_INDEX).all()
     expected = cycles.rendered(scene)[..., 0].mean()
     for start, end in LOST:
-        # Another name: Cycles keeps what it has read.
+        # Another name: with Persistent Data Cycles keeps what it has read.
         damaged = path.with_name(f"lost_{start}.exr")
         damaged.write_bytes(zeroed(path.read_bytes(), start, end))
         table.default_value = str(damaged)
