@@ -1,4 +1,4 @@
-"""Blend files without a window: open, choose a scene, name the picture, and let Blender's failures be sentences."""
+"""Blend files without a window: open, choose a scene, save, and let Blender's failures be sentences."""
 
 from __future__ import annotations
 
@@ -7,16 +7,6 @@ from pathlib import Path
 import bpy
 
 from .errors import SceneError
-
-FORMATS = {
-    ".exr": "OPEN_EXR",
-    ".jpeg": "JPEG",
-    ".jpg": "JPEG",
-    ".png": "PNG",
-    ".tif": "TIFF",
-    ".tiff": "TIFF",
-    ".webp": "WEBP",
-}
 
 
 def open_file(file: Path):
@@ -30,29 +20,35 @@ def open_file(file: Path):
 
 
 def chosen_scene(name: str | None):
-    """The scene `name` of the open file, or its active scene.
+    """The scene `name` of the open file, its own before one of a library, or its active scene.
 
-    Raises SceneError if there is none of that name.
+    Raises SceneError if there is none of that name, or if it is linked: what Glint changes there could not be saved.
     """
-    if name is None:
-        return bpy.context.scene
-    scene = bpy.data.scenes.get(name)
+    scenes = bpy.data.scenes
+    scene = bpy.context.scene if name is None else scenes.get((name, None)) or scenes.get(name)
     if scene is None:
-        raise SceneError(f'The file has no scene named "{name}": choose one of {", ".join(bpy.data.scenes.keys())}.')
+        raise SceneError(f'The file has no scene named "{name}": choose one of {", ".join(scenes.keys())}.')
+    if not scene.is_editable:
+        raise SceneError(f'Scene "{scene.name}" is linked from {scene.library.filepath}: prepare it there.')
     return scene
 
 
-def set_output(scene, picture: Path):
-    """Let `scene` render to `picture`, in the format its ending says.
+def save_file(file: Path, target: Path | None):
+    """Save the open `file`, or a copy of it to `target`; of a file there before Blender keeps a .blend1.
 
-    Raises SceneError for an ending that is not a picture's.
+    Raises SceneError if Blender cannot.
     """
-    kind = FORMATS.get(picture.suffix.lower())
-    if kind is None:
-        raise SceneError(f"{picture} does not end like a picture: use one of {', '.join(sorted(FORMATS))}.")
-    scene.render.image_settings.media_type = "IMAGE"
-    scene.render.image_settings.file_format = kind
-    scene.render.filepath = str(picture.resolve())
+    if target is None:
+        blender("save the file", bpy.ops.wm.save_mainfile)
+    else:
+        blender(f"save {target}", bpy.ops.wm.save_as_mainfile, filepath=str(target.resolve()), copy=True)
+
+
+def check_copy(file: Path, target: Path):
+    """Raise SceneError unless `target` can be a copy of the prepared `file`: tables are found from its folder."""
+    if target.suffix != ".blend" or target.resolve().parent != file.resolve().parent:
+        raise SceneError(f"{target} cannot hold the prepared copy of {file}: give the name of a .blend file in the "
+                         "same folder, from where its textures and glint tables are found.")
 
 
 def blender(aim: str, operator, **settings):

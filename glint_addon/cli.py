@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from pathlib import Path
 
 import bpy
 
-from .blend_file import FORMATS, blender, chosen_scene, open_file, set_output
+from .blend_file import check_copy, chosen_scene, open_file, save_file
+from .cli_arguments import parser
 from .errors import GlintError, SceneError
+from .frame_list import checked_frame, frame_ranges
+from .pictures import check_output, is_numbered, render_frames, render_still, set_output
+from .render_settings import set_engine_option, set_number, set_resolution, set_samples, use_view_layers
 from .streams import blender_talks_to_stderr
 from .terminal import terminal_progress
 
@@ -30,8 +33,9 @@ def unregister():
 
 def main(arguments: list[str], program: str = f"blender --command {COMMAND}") -> int:
     """Run one command; results go to standard output, everything else to standard error. Returns the exit code."""
+    actions = {"prepare": prepare_file, "render": render_file, "info": describe_file}
     try:
-        options = parser(program).parse_args(arguments)
+        options = parser(program, actions).parse_args(arguments)
     except SystemExit as stop:  # argparse has said what is wrong, or printed the help
         return stop.code
     try:
@@ -44,55 +48,63 @@ def main(arguments: list[str], program: str = f"blender --command {COMMAND}") ->
     return 0
 
 
-def parser(program: str) -> argparse.ArgumentParser:
-    """What the commands take."""
-    result = argparse.ArgumentParser(prog=program, description="Glints in .blend files, without a window.")
-    commands = result.add_subparsers(title="commands", required=True, metavar="prepare|render|info")
-    kinds = {"prepare": prepare_file, "render": render_file, "info": describe_file}
-    for name, action in kinds.items():
-        text = action.__doc__.partition("\n")[0]
-        command = commands.add_parser(name, help=text, description=text)
-        command.add_argument("file", type=Path, metavar="FILE.blend")
-        command.set_defaults(action=action)
-        if name != "info":
-            command.add_argument("--scene", help="name of the scene (default: the file's active scene)")
-        if name == "render":
-            command.add_argument("--output", type=Path, help=f"picture to write ({', '.join(sorted(FORMATS))})")
-            command.add_argument("--frame", type=int, help="frame to render (default: the file's)")
-            command.add_argument("--samples", type=int, help="samples a pixel (default: the file's)")
-        if name == "info":
-            command.add_argument("--json", action="store_true", help="print JSON")
-    return result
-
-
 def prepare_file(options) -> list[str]:
     """Prepare a .blend file for glints and save it."""
+    if options.save_as is not None:
+        check_copy(options.file, options.save_as)
     open_file(options.file)
-    lines = prepare(chosen_scene(options.scene))
-    blender("save the file", bpy.ops.wm.save_mainfile)
-    return [*lines, f"Saved {options.file}"]
+    scene = chosen_scene(options.scene)
+    choose_baking(scene, options)
+    lines = prepare(scene)
+    save_file(options.file, options.save_as)
+    return [*lines, f"Saved {options.save_as or options.file}"]
 
 
 def render_file(options) -> list[str]:
-    """Prepare a .blend file and render a still; the file itself is not changed."""
+    """Prepare a .blend file and render a still, frames or its animation; the file itself is not changed."""
+    ranges = None if options.frames is None else frame_ranges(options.frames)
+    frame = None if options.frame is None else checked_frame(options.frame)
     open_file(options.file)
     scene = chosen_scene(options.scene)
     if scene.camera is None:
         raise SceneError(f'Scene "{scene.name}" has no camera: add one and try again.')
-    if options.samples is not None:
-        if options.samples < 1:
-            raise SceneError(f"{options.samples} samples cannot be rendered: give at least 1.")
-        scene.cycles.samples = options.samples
-    if options.frame is not None:
-        scene.frame_set(options.frame)
-    if options.output is not None:
-        set_output(scene, options.output)
+    if options.animation:
+        ranges = [range(scene.frame_start, scene.frame_end + 1, max(scene.frame_step, 1))]
+    change_settings(scene, options, numbered=ranges is not None)
+    check_output(scene, ranges)
+    if frame is not None:
+        scene.frame_set(frame)
     lines = prepare(scene)
-    picture = Path(scene.render.frame_path(frame=scene.frame_current) if options.output is None else options.output)
-    if options.output is None:
-        scene.render.filepath = str(picture)
-    blender(f"write {picture}", bpy.ops.render.render, write_still=True, scene=scene.name)
-    return [*lines, f"Rendered {picture}"]
+    if ranges is None:
+        return lines + render_still(scene, numbered=options.output is None or is_numbered(options.output))
+    return lines + render_frames(scene, ranges)
+
+
+def change_settings(scene, options, *, numbered: bool):
+    """Let `scene` render as the command line says; `numbered`: each picture is named by its frame.
+
+    All of it before the scene is prepared: tables fit its view layers and resolution.
+    """
+    if options.samples is not None:
+        set_samples(scene, options.samples)
+    for words in options.engine_option:
+        set_engine_option(scene, words)
+    if options.resolution is not None:
+        set_resolution(scene, options.resolution)
+    if options.view_layer:
+        use_view_layers(scene, options.view_layer)
+    if options.output is not None:
+        set_output(scene, options.output, numbered=numbered)
+    choose_baking(scene, options)
+
+
+def choose_baking(scene, options):
+    """Set what the scene's tables may hold, on the scene itself: the panel then shows what the saved file holds."""
+    if options.bake_unseen is not None:
+        scene.glint.bake_unseen = options.bake_unseen
+    if options.table_budget is not None:
+        words = f"A table budget of {options.table_budget} MiB"
+        set_number(scene.glint, "table_budget", options.table_budget, words)
 
 
 def describe_file(options) -> list[str]:
