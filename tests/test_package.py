@@ -13,7 +13,8 @@ from tests.helpers.extension import write_flake_map
 from tools import package
 
 ROOT = Path(__file__).resolve().parent.parent
-TOP_LEVEL = {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md", "CHANGELOG.md", "glint_addon", "osl"}
+TOP_LEVEL = {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md", "CHANGELOG.md", "farm", "glint_addon",
+             "osl"}
 SAME_PICTURE = 1e-5  # two renders with one seed differ only by the order of summing
 CHILD = Path(__file__).parent / "helpers" / "installed_extension.py"
 
@@ -28,7 +29,8 @@ def test_the_zip_holds_the_extension_and_nothing_of_the_development(archive):
     with zipfile.ZipFile(archive) as content:
         names = content.namelist()
     assert {name.split("/")[0] for name in names} <= TOP_LEVEL
-    assert {"__init__.py", "blender_manifest.toml", "LICENSE", "glint_addon/__init__.py", "osl/glint.osl"} <= set(names)
+    assert {"__init__.py", "blender_manifest.toml", "LICENSE", "glint_addon/__init__.py", "osl/glint.osl",
+            "farm/glint.openjd.yaml"} <= set(names)
     assert not [name for name in names if name.endswith((".pyc", ".oso", ".blend1"))]
 
 
