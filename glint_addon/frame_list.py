@@ -63,6 +63,8 @@ def _joined(frames: list[int]) -> list[range]:
     while start < len(frames):
         end = start
         step = frames[start + 1] - frames[start] if start + 1 < len(frames) else 1
+        if step > LAST:  # more than Blender's Frame Step can be
+            step = 1
         while end + 1 < len(frames) and frames[end + 1] - frames[end] == step:
             end += 1
         result.append(range(frames[start], frames[end] + 1, step))

@@ -499,6 +499,13 @@ def test_the_help_shows_the_recipe_for_a_farm_and_its_template(capfd, registered
     assert Path(re.search(r"\S+\.openjd\.yaml", output)[0]).is_file()
 
 
+@pytest.mark.parametrize("command", ["prepare", "render"])
+def test_every_option_is_in_the_guide_to_farms(capfd, registered, command):
+    options = set(re.findall(r"--[a-z-]+", run(capfd, command, "--help")[1])) - {"--help", "--command"}
+    guide = (ROOT / "docs" / "farms.md").read_text(encoding="utf-8")
+    assert options and not {option for option in options if f"`{option}" not in guide}
+
+
 def test_the_version_is_the_manifests_beside_blenders(capfd, registered):
     code, output, _ = run(capfd, "--version")
     version = re.search(r'^version = "(.+)"', (ROOT / "blender_manifest.toml").read_text(encoding="utf-8"), re.M)[1]

@@ -20,7 +20,7 @@ from glint_addon.frame_list import FIRST, LAST, MOST, checked_frame, frame_range
         ("-2-1", [range(-2, 2)]),
         ("5,1-4", [range(1, 6)]),
         ("1-4,3-6,2", [range(1, 7)]),
-        (f"{FIRST},{LAST}", [range(FIRST, LAST + 1, LAST - FIRST)]),
+        (f"{FIRST},{LAST}", [range(FIRST, FIRST + 1), range(LAST, LAST + 1)]),
     ],
 )
 def test_a_list_of_frames_is_read(words, ranges):
