@@ -3,9 +3,11 @@
 from importlib import import_module
 
 # Public functions and the modules they come from; loaded at first use, because they need Blender.
-_PUBLIC = {"create_glint_material": "material", "prepare_scene": "prepare"}
+_PUBLIC = {"changes_since_prepared": "changes", "create_glint_material": "material", "prepare_scene": "prepare"}
 
-__all__ = ["create_glint_material", "prepare_scene", "register", "unregister"]  # noqa: F822  (see __getattr__)
+__all__ = [  # noqa: F822  (see __getattr__)
+    "changes_since_prepared", "create_glint_material", "prepare_scene", "register", "unregister",
+]
 
 
 def __getattr__(name):
@@ -16,17 +18,21 @@ def __getattr__(name):
 
 def register():
     """Register the extension with Blender."""
-    from . import cli, operators, ui
+    from . import cli, file_events, operators, ui, watch
 
     operators.register()
     ui.register()
+    file_events.register()
+    watch.register()
     cli.register()
 
 
 def unregister():
     """Remove everything `register` added."""
-    from . import cli, operators, ui
+    from . import cli, file_events, operators, ui, watch
 
     cli.unregister()
+    watch.unregister()
+    file_events.unregister()
     ui.unregister()
     operators.unregister()

@@ -16,7 +16,7 @@ def open_file(file: Path):
     """
     if not file.is_file():
         raise SceneError(f"{file} is not there: check the path and try again.")
-    blender(f"open {file}", bpy.ops.wm.open_mainfile, filepath=str(file.resolve()), load_ui=False)
+    blender(f"open {file}", bpy.ops.wm.open_mainfile, filepath=str(file.absolute()), load_ui=False)
 
 
 def chosen_scene(name: str | None):
@@ -41,12 +41,12 @@ def save_file(file: Path, target: Path | None):
     if target is None:
         blender("save the file", bpy.ops.wm.save_mainfile)
     else:
-        blender(f"save {target}", bpy.ops.wm.save_as_mainfile, filepath=str(target.resolve()), copy=True)
+        blender(f"save {target}", bpy.ops.wm.save_as_mainfile, filepath=str(target.absolute()), copy=True)
 
 
 def check_copy(file: Path, target: Path):
     """Raise SceneError unless `target` can be a copy of the prepared `file`: tables are found from its folder."""
-    if target.suffix != ".blend" or target.resolve().parent != file.resolve().parent:
+    if target.suffix != ".blend" or target.absolute().parent != file.absolute().parent:
         raise SceneError(f"{target} cannot hold the prepared copy of {file}: give the name of a .blend file in the "
                          "same folder, from where its textures and glint tables are found.")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 
 import bpy
 
@@ -74,7 +73,7 @@ def render_file(options) -> list[str]:
     check_output(scene, ranges)
     if frame is not None:
         scene.frame_set(frame)
-    lines = prepare(scene)
+    lines = [f"Changed: {sentence}" for sentence in changes_of(scene)] + prepare(scene)
     if ranges is None:
         return lines + render_still(scene, numbered=options.output is None or is_numbered(options.output))
     return lines + render_frames(scene, ranges)
@@ -122,6 +121,7 @@ def describe_file(options) -> list[str]:
             f"OSL {'on' if scene['osl'] else 'off'}, {scene['device']}, lights: {', '.join(scene['hints']) or 'none'}"
         )
         lines.append(f"Scene {scene['name']}: {words if scene['prepared'] else 'not prepared'}")
+        lines += [f"Changed: {sentence}" for sentence in scene["changes"] if scene["prepared"]]
         lines += [f"Warning: {sentence}" for sentence in scene["warnings"]]
         lines += [f"Note: {sentence}" for sentence in scene["notes"]]
         lines += [f"Advice: {sentence}" for sentence in scene["advice"]]
@@ -130,14 +130,17 @@ def describe_file(options) -> list[str]:
 
 def material_facts() -> list[dict]:
     """Each glint material of the open file with its maps; a table that is not on disk counts as not baked."""
+    from .bake.float_image import is_whole
     from .material import glint_groups, is_glint_material
+    from .nodes.glint_bsdf import map_of
+    from .paths import disk_path
 
     facts = []
     for material in filter(is_glint_material, bpy.data.materials):
         maps = []
         for group in glint_groups(material):
-            image, table = group.get("glint_image"), group.get("glint_table", "")
-            found = bool(table) and Path(bpy.path.abspath(table)).is_file()
+            image, table = map_of(group), group.get("glint_table", "")
+            found = bool(table) and is_whole(disk_path(table, group.library))
             maps.append({"image": image.name if image else None, "table": table if found else ""})
         facts.append({"name": material.name, "maps": maps})
     return facts
@@ -146,6 +149,7 @@ def material_facts() -> list[dict]:
 def scene_facts() -> list[dict]:
     """What the last preparation of each scene found, and advice on its settings."""
     from .operators.keep_glints import ADVICE, softens_glints
+    from .shading_system import is_on
 
     facts = []
     for scene in bpy.data.scenes:
@@ -154,8 +158,9 @@ def scene_facts() -> list[dict]:
             {
                 "name": scene.name,
                 "prepared": state.prepared,
-                "osl": state.osl,
-                "device": state.device,
+                "changes": changes_of(scene),
+                "osl": is_on(scene),
+                "device": scene.cycles.device if hasattr(scene, "cycles") else "",
                 "hints": [line.name for line in state.hints],
                 "skipped_lights": [[line.name, line.detail] for line in state.skipped_lights],
                 "warnings": [line.name for line in state.warnings],
@@ -164,6 +169,16 @@ def scene_facts() -> list[dict]:
             }
         )
     return facts
+
+
+def changes_of(scene) -> list[str]:
+    """What changed since `scene` was prepared; nothing has been evaluated yet in a file that was just opened."""
+    from .changes import changes_since_prepared
+    from .uses import render_layers
+
+    for layer in render_layers(scene):
+        layer.update()
+    return changes_since_prepared(scene)
 
 
 def prepare(scene) -> list[str]:

@@ -9,6 +9,7 @@ import numpy as np
 from .coordinates import largest_texel_area, uv_transforms
 from .footprints import FOOTPRINT_EXPONENT, FOOTPRINT_SCALE, rigid_mesh
 from .lights.choice import places
+from .nodes.glint_bsdf import group_binding
 from .reach import patches_over
 from .surface import pixels_filled
 
@@ -29,7 +30,7 @@ def is_close_up(scene, views, family) -> bool:
     if views is None or views.has_mirrors or not family.nodes:
         return False
     groups = {node.node_tree for node in family.nodes}
-    if any(group["glint_interpolation"] != "CLOSEST" or "glint_size" not in group for group in groups):
+    if any(group_binding(group).interpolation != "CLOSEST" or "glint_size" not in group for group in groups):
         return False
     seen = [_texels_a_footprint(scene, views, thing, family.materials, groups) for thing in family.objects]
     return 0.0 < max(seen, default=0.0) <= FEWEST_TEXELS

@@ -14,6 +14,7 @@ from .coordinates import evaluated_mesh, face_planes, texel_densities, uv_transf
 from .eyes import depth_range, is_inside, scene_eyes
 from .motion import copies_others, has_rigid_box
 from .poses import poses, scene_frames
+from .worn import worn_materials
 
 # Radius in pixels of the footprint of one of `samples` samples: osl/footprint.h.
 FOOTPRINT_SCALE = 1.1
@@ -134,7 +135,8 @@ def _is_mirrored(scene, thing, mesh, from_within: bool) -> bool:
         return False
     if any(layer.material_override is not None for layer in scene.view_layers):
         return True
-    others = {slot.material for other in scene.objects if other != thing for slot in other.material_slots}
+    layers = [layer for layer in scene.view_layers if layer.use]
+    others = {material for other in scene.objects if other != thing for material in worn_materials(other, layers)}
     return any(_mirrors(material) for material in others) or from_within or _sees_itself(mesh)
 
 

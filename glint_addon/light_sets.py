@@ -1,14 +1,15 @@
-"""The node groups that materials read their lights from.
+"""The sets of lights that materials look for: which material reads which, and what each holds in a scene.
 
 Materials that look for the same lights read one group "Glint Lights"; further sets are "Glint Lights.001" and so on.
 The lights' group is inside the Glint BSDF group, so materials with one map and different lights get a Glint BSDF group
-each.
+each. A set holds lights for each scene, so that a material in several scenes finds those of the one being rendered.
 """
 
 from __future__ import annotations
 
 import bpy
 
+from .errors import GlintError
 from .lights.drivers import connect_hints
 from .lights.hints import rendered_layers, scene_candidates
 from .lights.receivers import copied_places
@@ -16,17 +17,17 @@ from .lights.shutter import shutter_ways
 from .material import glint_groups
 from .material_lights import material_choices, material_families
 from .nodes import glint_lights
-from .nodes.glint_bsdf import LIGHTS_NODE, group_binding, is_glint_group
-
-CLAIM = "glint_scene"  # property of a lights' group: name of the scene whose lights it holds
+from .nodes.glint_bsdf import LIGHTS_NODE, group_binding, is_glint_group, lights_of
+from .nodes.scene_lights import copy_set, drop_other_sets, has_set
+from .worn import worn_materials
 
 
 def connect_lights(scene, uses) -> dict:
     """Choose the lights of each material, and let its nodes read them; a second call changes nothing.
 
-    uses: {local Glint BSDF group: [(object, material), ...]} of `scene`. Returns the parts of the report: "hints",
-    "skipped_lights", "hints_by_material" {material: [light, ...]}, "left_by_material" {material: [[light, reason],
-    ...]}, "warnings" about materials of several scenes, and "visits" {material: elements a sample visits at most}.
+    uses: {Glint BSDF group: [(object, material), ...]} of `scene`, those of other files too if they read sets.
+    Returns the parts of the report: "hints", "skipped_lights", "hints_by_material" {material: [light, ...]},
+    "left_by_material" {material: [[light, reason], ...]}, and "visits" {material: elements a sample visits at most}.
     Raises SceneError.
     """
     layers = rendered_layers(scene)
@@ -34,7 +35,6 @@ def connect_lights(scene, uses) -> dict:
     found, skipped = scene_candidates(scene, layers, copied)
     families = material_families(uses)
     choices = material_choices(scene, families, found, copied)
-    warnings = _warnings(scene, families)
     used = {hint for choice in choices for hint in choice.hints}
     ways = shutter_ways(scene, layers, [hint for hint in found if hint in used])
     _connect(scene, families, choices, ways)
@@ -48,27 +48,26 @@ def connect_lights(scene, uses) -> dict:
         "skipped_lights": [list(pair) for pair in skipped],
         "hints_by_material": {name: [hint.name for hint in choice.hints] for name, choice in pairs},
         "left_by_material": {name: [list(pair) for pair in choice.left] for name, choice in pairs},
-        "warnings": warnings,
         "visits": {material: choice.visits for family, choice in zip(families, choices, strict=True)
                    for material in family.materials},
     }
 
 
 def _connect(scene, families, choices, ways):
-    """Let each family's nodes read a group with its lights, which move by their `ways`."""
+    """Let each family's nodes read a set with its lights, which move by their `ways`."""
+    numbers = _set_numbers(scene, families, choices)
+    lights = {number: glint_lights.build_set(number) for number in sorted(set(numbers))}
     foreign = _foreign_groups(scene, families)
-    sets = _light_groups(scene, [choice.hints for choice in choices], ways, foreign)
-    lights = [sets[choice.hints] for choice in choices]
 
     # Groups that must stay keep their place; all others are dealt out anew, by name.
     taken = {}
-    for family, group in zip(families, lights, strict=True):
+    for family, number in zip(families, numbers, strict=True):
         if not family.nodes:
-            taken.update(dict.fromkeys(family.groups, group))
+            taken.update(dict.fromkeys((group for group in family.groups if group.library is None), lights[number]))
     emptied = set()
-    for family, group in zip(families, lights, strict=True):
+    for family, number in zip(families, numbers, strict=True):
         for node in family.nodes:
-            instance = _instance(node.node_tree, group, taken, foreign)
+            instance = _instance(node.node_tree, lights[number], taken, foreign)
             if node.node_tree != instance:
                 emptied.add(node.node_tree)
                 node.node_tree = instance
@@ -77,18 +76,65 @@ def _connect(scene, families, choices, ways):
         if node is not None and node.node_tree != group:
             node.node_tree = group
 
+    for family, number, choice in zip(families, numbers, choices, strict=True):
+        for each in sorted(family.sets | {number}):
+            connect_hints(lights.get(each) or glint_lights.build_set(each), scene, list(choice.hints), ways)
+    drop_other_sets(scene, set(numbers).union(*(family.sets for family in families)))
+
     # Groups of lights lose their users only when the groups that read them are gone.
     bpy.data.batch_remove([group for group in emptied if group.users == 0])
     bpy.data.batch_remove([group for group in glint_lights.groups()
                            if group.users == 0 and group.name != glint_lights.NAME])
 
 
+def _set_numbers(scene, families, choices) -> list[int]:
+    """The number of the set for each family: the same for the same lights, unless another scene tells them apart."""
+    others = [each for each in bpy.data.scenes if each != scene and each.library is None]
+    numbers, lights = [], {number: None for family in families for number in family.sets}
+    for family, choice in zip(families, choices, strict=True):
+        if family.sets:
+            numbers.append(min(family.sets))
+            continue
+        elsewhere, wanted = _sets_elsewhere(family, others), frozenset(choice.hints)
+        same = [number for number, held in lights.items() if held == wanted and set(elsewhere.values()) <= {number}]
+        number = same[0] if same else _free_number(lights, elsewhere, others)
+        # Where other scenes read the family's materials too, their lights come along.
+        for other, held in elsewhere.items():
+            if held != number:
+                copy_set(other, held, number)
+        lights[number] = wanted
+        numbers.append(number)
+    return numbers
+
+
+def _sets_elsewhere(family, others) -> dict:
+    """{scene: number of the set} of the other scenes in which the family's materials have lights."""
+    read = [glint_lights.set_of(lights) for lights in map(lights_of, family.groups) if lights is not None]
+    found = {}
+    for other in others:
+        held = [number for number in read if has_set(other, number)]
+        if held and not _materials(other).isdisjoint(family.materials):
+            found[other] = held[0]
+    return found
+
+
+def _free_number(taken, elsewhere, others) -> int:
+    """A number that no family has: the one that other scenes read already, else one that means nothing to them."""
+    kept = [number for number in elsewhere.values() if number not in taken]
+    if kept:
+        return kept[0]
+    number = 1
+    while number in taken or elsewhere and any(has_set(other, number) for other in others):
+        number += 1
+    return number
+
+
 def _instance(group, lights, taken, foreign):
     """The Glint BSDF group that reads the tables of `group` and the lights `lights`: one that is free, or a copy."""
     same = sorted((each for each in bpy.data.node_groups if is_glint_group(each) and each.library is None
-                   and each not in foreign and _reads(each) == _reads(group)), key=lambda each: each.name)
-    ready = [each for each in same if taken.get(each) == lights]
-    free = [each for each in same if each not in taken]
+                   and _reads(each) == _reads(group)), key=lambda each: each.name)
+    ready = [each for each in same if taken.get(each) == lights or each in foreign and lights_of(each) == lights]
+    free = [each for each in same if each not in taken and each not in foreign]
     instance = (ready + free or [None])[0] or group.copy()
     taken[instance] = lights
     return instance
@@ -96,61 +142,20 @@ def _instance(group, lights, taken, foreign):
 
 def _reads(group):
     """How a group reads which map, and the paths of its tables: one that was not prepared has others."""
-    return group_binding(group), {name: value for name, value in group.items() if isinstance(value, str)}
-
-
-def _light_groups(scene, sets, ways, foreign) -> dict:
-    """A lights' group for each of the sets of hints, with these in it."""
-    read = {_lights_of(group) for group in foreign}
-    glint_lights.build()
-    free = [group for group in glint_lights.groups() if group not in read]
-    found = {}
-    for hints in sets:
-        if hints not in found:
-            found[hints] = free.pop(0) if free else glint_lights.build_another()
-            connect_hints(found[hints], scene, list(hints), ways)
-            if found[hints].get(CLAIM) != scene.name:
-                found[hints][CLAIM] = scene.name
-    return found
+    try:
+        binding = group_binding(group)
+    except GlintError:  # changed by hand so that it cannot be read: it is like no other
+        binding = group
+    return binding, {name: value for name, value in group.items() if isinstance(value, str)}
 
 
 def _foreign_groups(scene, families) -> set:
-    """Glint BSDF groups that were prepared for another scene, in materials that only other scenes have."""
+    """Glint BSDF groups in materials that only other scenes have; those go on reading the sets that they read."""
     own = {material for family in families for material in family.materials}
-    foreign = set()
-    for other in (each for each in bpy.data.scenes if each != scene):
-        for group in {group for material in _materials(other) - own for group in glint_groups(material)}:
-            lights = _lights_of(group)
-            if lights is not None and lights.get(CLAIM) == other.name:
-                foreign.add(group)
-    return foreign
-
-
-def _warnings(scene, families) -> list[str]:
-    """Materials of this scene that were prepared for another: they look for the lights of one scene only."""
-    own = [material for family in families for material in family.materials]
-    found = []
-    for other in bpy.data.scenes:
-        theirs = _materials(other) if other != scene else set()
-        found += [
-            f'"{material.name}" is in scene "{other.name}" too, and looks for the lights of "{scene.name}" now: '
-            f'prepare "{other.name}" again before rendering that.'
-            for material in own if material in theirs and other.name in _claims(material)
-        ]
-    return found
+    others = [each for each in bpy.data.scenes if each != scene]
+    return {group for other in others for material in _materials(other) - own for group in glint_groups(material)}
 
 
 def _materials(scene) -> set:
-    return {slot.material for thing in scene.objects for slot in thing.material_slots} - {None}
-
-
-def _claims(material) -> set:
-    """Names of the scenes whose lights a material reads."""
-    groups = (_lights_of(group) for group in glint_groups(material))
-    return {group.get(CLAIM) for group in groups if group is not None}
-
-
-def _lights_of(group):
-    """The lights' group that a Glint BSDF group reads, or None."""
-    node = group.nodes.get(LIGHTS_NODE)
-    return node.node_tree if node is not None else None
+    layers = [layer for layer in scene.view_layers if layer.use and layer.depsgraph is not None]
+    return {material for thing in scene.objects for material in worn_materials(thing, layers)}

@@ -6,31 +6,36 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from . import paths
 from .bake.counts import bake_counts, file_size
+from .bake.float_image import is_whole
 from .bake.normal_map import decoded_normals, slope_bounds
 from .bake.slope_index import bake_index, index_shape
 from .bake.table import bake_table, padded_size
 from .footprints import counts_levels_reached, footprint_range, index_is_reached
-from .images import image_pixels, image_stamp
+from .images import image_pixels, image_shape, image_stamp, image_state
 from .jobs import Job
 from .nodes import glint_bsdf
 from .nodes.builder import STAMP
+from .nodes.glint_bsdf import group_binding, image_read
 
 TEXEL_BYTES = 16  # four 32-bit floats, in memory and in the file
 # Parts of a map's work: table of normals, index, counts.
 TABLE_SHARE, INDEX_SHARE, COUNTS_SHARE = 0.2, 0.3, 0.5
-# What a group remembers, each with "glint_" before it, in the order of `glint_bsdf.set_table`.
+# What a group remembers, each with "glint_" before it, in the order of `glint_bsdf.set_table`; tables as
+# `paths.stored_path` has them.
 REMEMBERED = ("table", "size", "slope_low", "slope_high")
 COUNTS_REMEMBERED = ("counts", "counts_levels", "bin_low", "bin_high")
 
 
 @dataclass
 class MapPlan:
-    """A map and one way to read it, for all groups that do. size: (width, height) in texels; levels: block sides
-    (first, last) of the counts it needs, or None; has_index: whether it needs the index; has_table: whether it gets
-    tables at all; known: a group that remembers the tables of the map as it is now, or None."""
+    """A map and one way to read it, for all groups that do. binding: that way; size: (width, height) in texels; levels:
+    block sides (first, last) of the counts it needs, or None; has_index: whether it needs the index; has_table: whether
+    it gets tables at all; known: a group that remembers the tables of the map as it is now, or None."""
 
     groups: list
+    binding: glint_bsdf.MapBinding
     size: tuple[int, int]
     stamp: str
     known: object | None
@@ -40,13 +45,13 @@ class MapPlan:
 
     @property
     def image(self):
-        """The map."""
-        return self.groups[0]["glint_image"]
+        """The map, the user's own image."""
+        return self.binding.image
 
     @property
     def interpolation(self) -> str:
         """'CLOSEST' or 'LINEAR'."""
-        return self.groups[0]["glint_interpolation"]
+        return self.binding.interpolation
 
     @property
     def table_bytes(self) -> int:
@@ -72,12 +77,15 @@ def map_plans(scene, uses, folder: Path, *, mirrored: bool, keep_levels: bool) -
     """One plan for each map and way to read it. uses: {group: [(object, material), ...]} of the groups to prepare.
 
     folder: where tables are kept; mirrored: see `footprint_range`; keep_levels: add those that are in use already, for
-    other scenes. Reloads images whose file has changed. Raises MapError for an image without pixels.
+    other scenes. Reloads images whose file has changed, and makes copies follow images that were painted. Raises
+    MapError for an image without pixels, or a way of reading it that glints cannot follow, SceneError for a group that
+    lost a node.
     """
     sharing = {}
     for group in uses:
-        key = group["glint_image"], group["glint_interpolation"], group["glint_convention"]
-        sharing.setdefault(key, []).append(group)
+        glint_bsdf.follow_map(group)
+        binding = group_binding(group)
+        sharing.setdefault((binding.image, binding.interpolation, binding.convention), []).append(group)
     plans = [_plan(groups, folder) for groups in sharing.values()]
     for plan in plans:
         ranges = [footprint_range(scene, group, uses[group], plan.size, mirrored=mirrored) for group in plan.groups]
@@ -112,23 +120,25 @@ def bake_plan(plan: MapPlan, folder: Path, report: dict, start: float, end: floa
         counts = None
     index = _stored_index(plan.known, folder) if plan.has_index else ""
     # Nothing to bake: do not even read the pixels. Missing file: a warning says so, its table is still here.
-    is_whole = (counts is not None or plan.levels is None) and (index or not plan.has_index)
-    if plan.known is not None and (is_whole or is_missing(plan.image)):
+    is_complete = (counts is not None or plan.levels is None) and (index or not plan.has_index)
+    if plan.known is not None and (is_complete or is_missing(plan.groups[0])):
         path, *others = (plan.known[f"glint_{name}"] for name in REMEMBERED)
         values = path, *map(list, others), counts, index
-        report["reused"] += _paths(values) * len(plan.groups)
+        report["reused"] += [str(paths.disk_path(path)) for path in _paths(values)] * len(plan.groups)
         return values
 
     report["counts"]["images_read"] += 1
     name = plan.image.name
-    normals = decoded_normals(image_pixels(plan.image), convention=plan.groups[0]["glint_convention"], name=name)
+    report["notes"] += _damage(plan)
+    pixels = image_pixels(image_read(plan.groups[0]))
+    normals = decoded_normals(pixels, convention=plan.binding.convention, name=name)
     shares = TABLE_SHARE, INDEX_SHARE * plan.has_index, COUNTS_SHARE * (plan.levels is not None)
     ends = [start + (end - start) * sum(shares[: part + 1]) / sum(shares) for part in range(len(shares))]
 
     def note(path, written):
         report["baked"] += [str(path)] * written
         report["reused"] += [str(path)] * (len(plan.groups) - written)
-        return str(path)
+        return paths.stored_path(path)
 
     job = partial(bake_table, normals, folder, interpolation=plan.interpolation)
     path = note(*(yield Job(f'Baking "{name}"', start, ends[0], job)))
@@ -164,28 +174,36 @@ def remember(group, stamp: str, path: str, size, slope_low, slope_high, counts, 
     group["glint_index"] = index
 
 
-def is_missing(image) -> bool:
-    """Whether neither the file nor the pixels of `image` are to be had."""
-    return image.source == "FILE" and image_stamp(image) == "" and 0 in image.size[:]
+def is_missing(group) -> bool:
+    """Whether neither the file nor the pixels of the group's map are to be had."""
+    image = image_read(group)
+    return image.source == "FILE" and image_state(image) == "" and 0 in image_shape(image)
+
+
+def remembered_tables(group) -> list[Path]:
+    """The table files that a group reads, wherever they should be; there or not."""
+    stored = (group.get(name, "") for name in ("glint_table", "glint_index", "glint_counts"))
+    return [paths.disk_path(path, group.library) for path in stored if path]
 
 
 def _plan(groups, folder) -> MapPlan:
-    image = groups[0]["glint_image"]
-    stamp = image_stamp(image)
+    image, binding = image_read(groups[0]), group_binding(groups[0])
+    stamp = image_state(image)
     known = next((group for group in groups if _is_known(group, stamp, folder)), None)
-    if known is None and stamp and not any(stamp == group.get("glint_source", "") for group in groups):
+    if known is None and image_stamp(image) and not any(stamp == group.get("glint_source", "") for group in groups):
         image.reload()  # Blender may still hold the pixels of an older file
-    if known is None and 0 in image.size[:]:
+    height, width, _ = image_shape(image) if known is None else (0, 0, 0)
+    if known is None and 0 in (height, width):
         image_pixels(image)  # raises the sentence
-    return MapPlan(groups, tuple(known["glint_size"] if known else image.size), stamp, known)
+    return MapPlan(groups, binding, tuple(known["glint_size"] if known else (width, height)), stamp, known)
 
 
 def _is_known(group, stamp, folder) -> bool:
-    """Whether the group's table of normals is there and is that of the image as it is now."""
-    path = Path(group["glint_table"]) if group["glint_table"] else None
+    """Whether the group's table of normals is there, whole, and that of the image as it is now."""
     same_file = stamp != "" and stamp == group.get("glint_source", "")
-    is_current = path is not None and path.is_file() and group[STAMP] == glint_bsdf.VERSION
-    return is_current and (same_file and path.parent == folder or is_missing(group["glint_image"]))
+    if group[STAMP] != glint_bsdf.VERSION or not (same_file or is_missing(group)):
+        return False
+    return bool(group["glint_table"]) and _is_stored(group, group["glint_table"], folder)
 
 
 def _stored_counts(group, folder):
@@ -204,8 +222,16 @@ def _stored_index(group, folder) -> str:
 
 
 def _is_stored(group, path: str, folder) -> bool:
-    """Whether the file is there and in the folder of this .blend file; that of a missing map may be anywhere."""
-    return Path(path).is_file() and (Path(path).parent == folder or is_missing(group["glint_image"]))
+    """Whether the table is whole, and in the folder of this .blend file; that of a missing map may be anywhere."""
+    file = paths.disk_path(path)
+    return (file.parent == folder or is_missing(group)) and is_whole(file)
+
+
+def _damage(plan) -> list[str]:
+    """Sentences on tables that are there but not as they were written; they are baked again."""
+    files = dict.fromkeys(file for group in plan.groups for file in remembered_tables(group))
+    return [f"Table {file.name} is damaged, or of an older version: it is baked again." for file in files
+            if file.exists() and not is_whole(file)]
 
 
 def _paths(values) -> list[str]:

@@ -7,9 +7,9 @@ from numbers import Real
 import bpy
 
 from .errors import MapError
-from .images import data_image, image_pixels, normal_map_image
+from .images import data_image, image_pixels, normal_map_image, remove_unused_copies
 from .nodes.builder import add_node, arrange
-from .nodes.glint_bsdf import MapBinding, group_for, is_glint_group
+from .nodes.glint_bsdf import MapBinding, follow_map, group_for, is_glint_group, map_of
 
 
 def create_glint_material(
@@ -78,7 +78,7 @@ def glint_groups(material) -> list[bpy.types.ShaderNodeTree]:
                 continue
             seen.add(inner.name_full)
             if is_glint_group(inner):
-                if inner.get("glint_image") is not None:
+                if map_of(inner) is not None:
                     found.append(inner)
             else:
                 search(inner)
@@ -92,7 +92,7 @@ def glint_lobes(material) -> int:
 
     def count(tree):
         inner = [node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup" and node.node_tree]
-        return sum(each.get("glint_image") is not None if is_glint_group(each) else count(each) for each in inner)
+        return sum(map_of(each) is not None if is_glint_group(each) else count(each) for each in inner)
 
     return count(material.node_tree)
 
@@ -122,7 +122,11 @@ def _data_blocks() -> set:
 def _bound_group(normal_map, interpolation, convention, distribution, uv_map, extension):
     image = normal_map_image(normal_map)
     _decoded(image, convention)
-    return group_for(MapBinding(image, interpolation, convention, distribution, uv_map, extension))
+    group = group_for(MapBinding(image, interpolation, convention, distribution, uv_map, extension))
+    # A group that was there may read a copy of what the image held before.
+    follow_map(group)
+    remove_unused_copies()
+    return group
 
 
 def _decoded(image, convention):

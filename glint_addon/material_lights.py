@@ -12,7 +12,8 @@ from math import inf
 from .close_views import CLOSE_UP, is_close_up
 from .lights.choice import Choice, boxes_over, choose, chosen_frames, noise_in_remainder
 from .lights.receivers import lit_objects
-from .nodes.glint_bsdf import is_glint_group
+from .nodes.glint_bsdf import is_glint_group, lights_of, map_of
+from .nodes.glint_lights import set_of
 from .reach import facets_of, judgements
 from .views import scene_views
 
@@ -22,12 +23,14 @@ SHARPEST = 0.01  # alpha that lights are ranked by where a material's roughness 
 @dataclass(frozen=True)
 class Family:
     """Materials that look for the same lights. objects: with any of them; nodes: their Glint BSDF nodes, whose groups
-    may be replaced, none if the materials' groups must stay as they are; groups: the Glint BSDF groups in use."""
+    may be replaced, none if the materials' groups must stay as they are; groups: the Glint BSDF groups in use; sets:
+    numbers of the sets of lights that those of another file read, which must stay too."""
 
     materials: tuple
     objects: tuple
     nodes: tuple
     groups: tuple
+    sets: frozenset = frozenset()
 
 
 def material_families(uses) -> list[Family]:
@@ -39,13 +42,28 @@ def material_families(uses) -> list[Family]:
         objects.setdefault(material, []).append(thing)
         groups[material] = tuple(group for group in uses if any(each == material for _, each in uses[group]))
     held = [material for material in objects if not _is_free(material, groups[material])]
-    single = [Family((material,), tuple(objects[material]), tuple(_nodes(material)), groups[material])
-              for material in objects if material not in held]
-    if not held:
-        return single
-    things = dict.fromkeys(thing for material in held for thing in objects[material])
-    shared = dict.fromkeys(group for material in held for group in groups[material])
-    return [Family(tuple(held), tuple(things), (), tuple(shared)), *single]
+    families = [_held_family(materials, sets, objects, groups) for sets, materials in _by_sets(held, groups)]
+    return families + [Family((material,), tuple(objects[material]), tuple(_nodes(material)), groups[material])
+                       for material in objects if material not in held]
+
+
+def _by_sets(materials, groups) -> list[tuple[frozenset, list]]:
+    """Materials that must stay, parted by the sets of lights of another file that they read."""
+    parts = []
+    for material in materials:
+        sets = frozenset(set_of(lights_of(group)) for group in groups[material]
+                         if group.library is not None and lights_of(group) is not None)
+        same = [part for part in parts if part[0] & sets or not part[0] | sets]
+        parts = [part for part in parts if part not in same]
+        together = [each for part in same for each in part[1]]
+        parts.append((sets.union(*(part[0] for part in same)), [*together, material]))
+    return parts
+
+
+def _held_family(materials, sets, objects, groups) -> Family:
+    things = dict.fromkeys(thing for material in materials for thing in objects[material])
+    shared = dict.fromkeys(group for material in materials for group in groups[material])
+    return Family(tuple(materials), tuple(things), (), tuple(shared), sets)
 
 
 def _is_free(material, groups) -> bool:
@@ -66,7 +84,7 @@ def _holds_deeper(tree, seen: set, *, at_top=True) -> bool:
 def _nodes(material) -> list:
     """The Glint BSDF nodes with a map that a material holds itself."""
     return [node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup"
-            and is_glint_group(node.node_tree) and node.node_tree.get("glint_image") is not None]
+            and is_glint_group(node.node_tree) and map_of(node.node_tree) is not None]
 
 
 def material_choices(scene, families, found, copied) -> list[Choice]:

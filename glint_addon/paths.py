@@ -19,8 +19,28 @@ def table_folder(blend_file: str = "") -> Path:
     The folder is not created here.
     """
     if blend_file:
-        return Path(blend_file).resolve().parent / TABLE_FOLDER_NAME
+        return Path(blend_file).parent / TABLE_FOLDER_NAME
     return user_folder() / TABLE_FOLDER_NAME
+
+
+def stored_path(file: Path) -> str:
+    """How files keep the path of a table: relative to the open .blend file ("//glint_tables/...") if it lies beside it.
+
+    Blender itself resolves such paths when it renders, from the .blend file, or from the library that a node group is
+    linked from; links are left as they are. So folders can be moved, copied, mounted elsewhere and linked.
+    """
+    import bpy
+
+    if bpy.data.filepath and file.parent == table_folder(bpy.data.filepath):
+        return f"//{TABLE_FOLDER_NAME}/{file.name}"
+    return str(file)
+
+
+def disk_path(stored: str, library=None) -> Path:
+    """Where the file with that `stored_path` is; library: the one that what keeps the path is linked from."""
+    import bpy
+
+    return Path(bpy.path.abspath(stored, library=library))
 
 
 def user_folder() -> Path:

@@ -8,16 +8,19 @@ from pathlib import Path
 import bpy
 
 from . import paths
+from .changes import remember_preparation
+from .errors import SceneError
 from .jobs import Job, finished
 from .light_sets import connect_lights
-from .lights.animation import is_animated
-from .lights.hints import rendered_objects
 from .map_tables import bake_plan, is_missing, map_plans, named_levels, remember
 from .material import glint_groups, glint_lobes
 from .nodes import glint_bsdf, image_texture
+from .nodes.glint_bsdf import lights_of, map_of
+from .nodes.glint_lights import set_of
 from .nodes.script_node import osl_available
 from .shading_system import choose_shading_system, is_on
 from .table_budget import DEFAULT_BUDGET, fit_budget
+from .uses import glint_uses, unknown_materials
 from .visibility import unseen_objects
 
 COUNTS = ("tables_baked", "tables_in_use", "bytes_baked", "bytes_in_use", "images_read")
@@ -48,13 +51,16 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
 
     Closing it early, or an exception, leaves scene and disk as they were.
     """
-    found = _uses(scene)
+    if not hasattr(scene, "cycles"):
+        raise SceneError("Cycles is switched off: switch it on in Preferences > Add-ons and try again.")
+    found = glint_uses(scene)
     groups = _by_name(found)
     report = _new_report(scene, _warnings(scene, groups) + _linked_warnings(found))
-    # What is linked from another file cannot be changed here; a warning says so. It may look for its lights.
-    looks_for_lights = any(group.library is not None and group["glint_table"] for group in groups)
+    # What is linked from another file cannot be changed here, but it looks for the lights of the scene being rendered.
+    lit = {group: pairs for group, pairs in found.items() if group.library is None or _reads_scene(group)}
+    looks_for_lights = any(group.library is not None and group not in lit and group["glint_table"] for group in groups)
     groups = [group for group in groups if group.library is None]
-    if not groups and not image_texture.shows_mip_levels():
+    if not lit and not image_texture.shows_mip_levels():
         return report
 
     # Leave out what nobody sees; a table that is there already stays in use and up to date.
@@ -85,14 +91,14 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
             glint_bsdf.refresh(group)
             glint_bsdf.set_table(group, *values)
             remember(group, plan.stamp, *values)
-    if groups:
-        lights = connect_lights(scene, uses)
-        report["warnings"] += lights.pop("warnings")
+    if lit:
+        lights = connect_lights(scene, lit)
         _bound_work(lights.pop("visits"))
         report |= lights
         looks_for_lights = looks_for_lights or _looks_for_lights(report)
     note = choose_shading_system(scene, is_needed=looks_for_lights)
-    return report | {"osl": is_on(scene), "notes": [note] * bool(note)}
+    remember_preparation(scene)
+    return report | {"osl": is_on(scene), "notes": report["notes"] + [note] * bool(note)}
 
 
 def _new_report(scene, warnings) -> dict:
@@ -110,7 +116,7 @@ def _looks_for_lights(report) -> bool:
 
 def scene_glint_groups(scene) -> list[bpy.types.ShaderNodeTree]:
     """Glint BSDF groups with a map on objects that `scene` renders; each once, by name."""
-    return _by_name(_uses(scene))
+    return _by_name(glint_uses(scene))
 
 
 def _by_name(groups) -> list:
@@ -129,33 +135,6 @@ def _bound_work(visits):
         if group.library is None:
             glint_bsdf.share_closures(group, lobes[group])
             glint_bsdf.limit_visits(group, most[group])
-
-
-def _uses(scene) -> dict:
-    """Objects and materials {group: [(object, material), ...]} of each Glint BSDF group that `scene` renders."""
-    uses = {}
-    layers = [layer for layer in scene.view_layers if layer.use]
-    for layer in layers:
-        layer.update()  # for matrices, and for the collections of a scene that was never shown
-    # A view layer's material override stands in for every object's own material.
-    overrides = [layer.material_override for layer in layers if layer.material_override is not None]
-    for obj in _rendered_objects(rendered_objects(layers), set()):
-        for material in [slot.material for slot in obj.material_slots] + overrides:
-            for group in glint_groups(material):
-                uses.setdefault(group, []).append((obj, material))
-    return uses
-
-
-def _rendered_objects(objects, seen: set):
-    """Those of `objects` that are rendered, and those that collection instances among them show."""
-    for obj in objects:
-        if obj.hide_render and not is_animated(obj, "hide_render"):
-            continue
-        yield obj
-        shown = obj.instance_collection if obj.instance_type == "COLLECTION" else None
-        if shown is not None and shown not in seen:
-            seen.add(shown)
-            yield from _rendered_objects(shown.all_objects, seen)
 
 
 def _setting(scene, name: str, wanted, otherwise):
@@ -210,23 +189,34 @@ def _warnings(scene, groups) -> list[str]:
     if scene.render.use_simplify and getattr(scene.cycles, "texture_resolution_render", 1.0) < 1.0:
         warnings.append("Simplify scales textures down, which garbles the glint tables: set their resolution to 1.")
     for group in groups:
-        image = group["glint_image"]
-        if group.library is None and is_missing(image):
-            warnings.append(f'The normal map "{image.name}" is missing: find it with File > External Data.')
-    return warnings
+        if group.library is None and is_missing(group):
+            warnings.append(f'The normal map "{map_of(group).name}" is missing: find it with File > External Data.')
+    return warnings + _hidden_warnings(scene)
+
+
+def _hidden_warnings(scene) -> list[str]:
+    """Sentences on objects whose materials cannot be found."""
+    return [f'The materials that geometry nodes give to "{name}" are unknown while it, or its modifier, is hidden in '
+            "the viewport: show it there and prepare again." for name in unknown_materials(scene)]
 
 
 def _linked_warnings(uses) -> list[str]:
     """Sentences on glints of other files, which cannot be prepared here; one for each material."""
     return sorted({_linked_words(material.name, group) for group, pairs in uses.items() if group.library is not None
-                   for _, material in pairs})
+                   and not (group["glint_table"] and _reads_scene(group)) for _, material in pairs})
 
 
 def _linked_words(name, group) -> str:
     linked = f'The glints of "{name}" are linked from {group.library.filepath}'
     local = "make them local with Object > Relations > Make Local > All"
-    if not group["glint_table"]:
-        return (f"{linked}, where they were not prepared, and have the noise of Blender's own nodes: "
-                f"prepare them in that file, or {local}.")
-    return (f"{linked}, where they were prepared, and look for the lights of that file alone: "
-            f"to prepare them for the lights of this scene, {local}.")
+    if not _reads_scene(group):
+        return (f"{linked}, saved with an older version of Glint, and look for the lights of that file alone: "
+                f"prepare them in that file again, or {local}.")
+    return (f"{linked}, where they were not prepared, and have the noise of Blender's own nodes: "
+            f"prepare them in that file, or {local}.")
+
+
+def _reads_scene(group) -> bool:
+    """Whether a Glint BSDF group of another file reads the lights of the scene being rendered."""
+    lights = lights_of(group)
+    return lights is not None and set_of(lights) > 0

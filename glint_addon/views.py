@@ -12,6 +12,7 @@ from .lights.choice import chosen_frames
 from .motion import copies_others
 from .nodes.glint_bsdf import is_glint_group
 from .visibility import scene_cameras
+from .worn import worn_materials
 
 # Rougher surfaces (alpha from 0.25) blur what they mirror so much that it needs no hints.
 ROUGH = 0.5
@@ -61,7 +62,8 @@ def _has_mirrors(scene) -> bool:
     cycles = scene.cycles
     if cycles.max_bounces == 0 or max(cycles.glossy_bounces, cycles.transmission_bounces) == 0:
         return False
-    materials = {slot.material for thing in scene.objects for slot in thing.material_slots if slot.material}
+    layers = [layer for layer in scene.view_layers if layer.use]
+    materials = {material for thing in scene.objects for material in worn_materials(thing, layers)}
     materials |= {layer.material_override for layer in scene.view_layers if layer.material_override}
     return any(_mirrors(material.node_tree, set()) for material in materials)
 

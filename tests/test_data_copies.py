@@ -433,7 +433,8 @@ bpy.ops.glint.change_map(image=image.name, interpolation="CLOSEST")
 bpy.data.images.remove(image)
 bpy.ops.glint.add_material(filepath={file!r})
 (group,) = glint_groups(plane.active_material)
-assert group["glint_image"].colorspace_settings.name == "Raw"
+from glint_addon.nodes.glint_bsdf import image_read
+assert image_read(group).colorspace_settings.name == "Raw"
 create_glint_material("Glint", bpy.data.images.load({file!r}))
 painted = bpy.data.images.new("Painted", 4, 4)
 painted.pixels = [0.5, 0.5, 1.0, 1.0] * 16

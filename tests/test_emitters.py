@@ -53,9 +53,11 @@ def add_glints(scene, size=2.0):
     return square
 
 
-def slot_values(slot=1):
-    """Evaluated Light and Shape of a slot."""
-    nodes = glint_lights.build().evaluated_get(bpy.context.evaluated_depsgraph_get()).nodes
+def slot_values(slot=1, *, of_library=False):
+    """Evaluated Light and Shape of a slot; of_library: as the group that is linked from another file reads them."""
+    linked = [group for group in bpy.data.node_groups if group.name == glint_lights.NAME and group.library]
+    group = linked[0] if of_library else glint_lights.build()
+    nodes = group.evaluated_get(bpy.context.evaluated_depsgraph_get()).nodes
     return [[nodes[f"{name} {slot}"].inputs[axis].default_value for axis in "XYZ"] for name in ("Light", "Shape")]
 
 

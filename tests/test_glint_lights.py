@@ -7,7 +7,7 @@ from glint_addon.errors import SceneError
 from glint_addon.lights.drivers import connect_hints
 from glint_addon.nodes import GROUPS, glint_lights
 from glint_addon.nodes.builder import STAMP
-from glint_addon.nodes.driven import driver_curve
+from glint_addon.nodes.driven import Driven, Variable, driver_curve, write_number
 from tests.helpers import cycles
 from tests.helpers.scene_hints import scene_hints
 
@@ -52,24 +52,29 @@ def test_building_twice_gives_the_same_group_and_the_menu_knows_it(scene):
     group = GROUPS[glint_lights.NAME]()
     drivers = len(group.animation_data.drivers)
     assert glint_lights.build() == group
-    assert len(group.animation_data.drivers) == drivers == 2
+    assert len(group.animation_data.drivers) == drivers == 8 * 9 + 2
     assert [tree.name for tree in bpy.data.node_groups] == ["Glint Lights"]
 
 
-def test_a_group_of_version_1_gets_its_axes_once_and_keeps_its_lights(scene):
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_group_of_an_older_version_reads_the_lights_of_the_scene_and_keeps_its_sockets(scene, version):
     group = glint_lights.build()
     sockets = [item.name for item in group.interface.items_tree]
-    for slot in range(1, 9):
+    group.animation_data_clear()
+    for slot in range(1, 9 if version == 1 else 1):
         name = glint_lights.axis_name(slot)
         group.nodes.remove(group.nodes[name])
         group.interface.remove(group.interface.items_tree[name])
-    group[STAMP] = 1
-    group.nodes["Light 2"].inputs["X"].default_value = 3.0
+    group[STAMP] = version
+    del group[glint_lights.SET]
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    write_number(group.nodes["Light 2"].inputs["X"],
+                 Driven("x", (Variable("x", "SINGLE_PROP", lamp, "matrix_world[3][0]"),)))
     for _ in range(2):
         assert glint_lights.build() == group and group[STAMP] == glint_lights.VERSION
         assert [item.name for item in group.interface.items_tree] == sockets
     test_every_output_is_linked_and_every_node_labelled()
-    assert len(group.nodes) == 8 * 3 + 3 and group.nodes["Light 2"].inputs["X"].default_value == 3.0
+    assert len(group.nodes) == 8 * 3 + 3 and lamp.users == 0
 
 
 def test_a_foreign_group_of_that_name_is_refused(scene):

@@ -9,6 +9,7 @@ from glint_addon.errors import MapError
 from glint_addon.images import data_image, follow, image_pixels, image_shape, image_stamp, normal_map_image
 from glint_addon.material import create_glint_material, glint_groups
 from glint_addon.nodes.blender_image import stored_image
+from glint_addon.nodes.glint_bsdf import map_of
 from tests.helpers.extension import data_names
 from tests.test_images import shown_by_cycles
 
@@ -80,7 +81,7 @@ def test_the_users_own_layered_data_is_read_as_cycles_reads_it(layered, is_packe
 def test_a_layered_file_becomes_a_glint_material_by_image_and_by_path(scene, tmp_path, layered):
     for normal_map in (layered, layered.filepath, write_layers(tmp_path / "other.exr", FILES["normals"])):
         (group,) = glint_groups(create_glint_material("Glint", normal_map))
-        assert image_shape(group["glint_image"])[:2] == (SIZE, SIZE)
+        assert image_shape(map_of(group))[:2] == (SIZE, SIZE)
     assert layered.colorspace_settings.name == "Linear Rec.709"
 
 

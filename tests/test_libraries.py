@@ -179,28 +179,39 @@ def overridden_square(scene):
     scene.collection.objects.link(own)
 
 
-@pytest.mark.parametrize("prepared", [False, True])
-@pytest.mark.parametrize("bring", [square_in_an_instance, material, overridden_material, overridden_square])
-def test_glints_of_a_library_stay_as_they_are_and_one_sentence_says_so(farm, bring, prepared, tmp_path):
-    make_library(tmp_path, prepared=prepared)
+BRINGS = [square_in_an_instance, material, overridden_material, overridden_square]
+
+
+@pytest.mark.parametrize("bring", BRINGS)
+def test_glints_of_a_library_find_the_lights_of_this_scene(farm, bring, tmp_path):
+    """Nothing of the library changes, and its tables are read where it has them."""
+    make_library(tmp_path, prepared=True)
     shot = make_shot(tmp_path, own_glints=False)
     shot.scene.collection.children.link(linked("collections", "Lamps"))
     bring(shot.scene)
-    before = cycles.rendered(shot.scene)[..., :3]
-    shot.scene.cycles.shading_system = True
     report = prepare_scene(shot.scene)
-    there = "where they were prepared" if prepared else "where they were not prepared"
-    [warning] = report["warnings"]
-    assert warning.startswith(f'The glints of "Glitter" are linked from {LIBRARY}, {there}')
-    assert warning.endswith("make them local with Object > Relations > Make Local > All.")
-    assert report["hints"] == [] and not (shot.folder / "glint_tables").exists()
+    assert report["hints"] == list(LAMPS) and report["warnings"] == []
+    assert report["osl"] and not (shot.folder / "glint_tables").exists()
+    for slot, name in enumerate(LAMPS, 1):
+        place = Vector(slot_values(slot, of_library=True)[0])
+        assert (place - place_of(shot.scene.objects[name])).length < PLACE_TOLERANCE
     picture = cycles.rendered(shot.scene)[..., :3]
-    np.testing.assert_array_equal(picture, before)
     np.testing.assert_array_equal(farm.rendered(shot.folder), picture)
     assert picture.max() > 0
 
 
-@pytest.mark.parametrize("bring", [square_in_an_instance, material, overridden_material, overridden_square])
+@pytest.mark.parametrize("bring", BRINGS)
+def test_one_sentence_says_that_glints_of_a_library_were_not_prepared_there(bring, tmp_path):
+    make_library(tmp_path)
+    shot = make_shot(tmp_path, own_glints=False)
+    shot.scene.collection.children.link(linked("collections", "Lamps"))
+    bring(shot.scene)
+    [warning] = prepare_scene(shot.scene)["warnings"]
+    assert warning.startswith(f'The glints of "Glitter" are linked from {LIBRARY}, where they were not prepared')
+    assert warning.endswith("make them local with Object > Relations > Make Local > All.")
+
+
+@pytest.mark.parametrize("bring", BRINGS)
 def test_what_the_sentence_tells_to_do_helps(farm, bring, tmp_path):
     make_library(tmp_path)
     shot = make_shot(tmp_path, own_glints=False)
@@ -223,5 +234,5 @@ def test_own_glints_are_prepared_beside_those_of_a_library(tmp_path):
     guest = instanced(shot.scene, "Set")
     guest.location.z = -1.0
     report = prepare_scene(shot.scene)
-    assert report["hints_by_material"] == {"Own": list(LAMPS)}
+    assert report["hints_by_material"] == {"Own": list(LAMPS), "Glitter": list(LAMPS)}
     assert len(report["warnings"]) == 1 and '"Glitter"' in report["warnings"][0]

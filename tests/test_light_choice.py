@@ -18,6 +18,7 @@ from glint_addon.lights.choice import (
 )
 from glint_addon.lights.hint import Hint
 from glint_addon.nodes import glint_bsdf, glint_lights
+from glint_addon.nodes.scene_lights import HOLDER
 from glint_addon.reach import REGION, Facets, judgements
 from glint_addon.views import scene_views
 from tests.helpers import cycles
@@ -60,11 +61,12 @@ def two_planes(scene, flake_map):
     return planes
 
 
-def lights_read(material):
-    """The groups of lights that a material reads, and the light objects that drive them."""
+def lights_read(material, scene=None):
+    """The groups of lights that a material reads, and the light objects that drive these in a scene."""
     groups = [node.node_tree.nodes[glint_bsdf.LIGHTS_NODE].node_tree for node in material.node_tree.nodes
               if node.bl_idname == "ShaderNodeGroup" and glint_bsdf.is_glint_group(node.node_tree)]
-    curves = [curve for group in groups for curve in group.animation_data.drivers]
+    key = f'["lights_{glint_lights.set_of(groups[0])}"]'
+    curves = [curve for curve in (scene or bpy.context.scene)[HOLDER].animation_data.drivers if curve.data_path == key]
     things = {target.id for curve in curves for each in curve.driver.variables for target in each.targets if target.id}
     return [group.name for group in groups], {thing.name for thing in things}
 
@@ -140,7 +142,8 @@ def test_a_second_preparation_changes_nothing_and_equal_sets_become_one_again(sc
     report = prepare_scene(scene)
     assert report["hints_by_material"]["Left"] == report["hints_by_material"]["Right"] == report["hints"]
     ours = [group.name for group in bpy.data.node_groups if "Glint" in group.name]
-    assert sorted(ours) == ["Glint BSDF", "Glint Lights"]
+    assert sorted(ours) == [".Glint Lights of Scene", "Glint BSDF", "Glint Lights"]
+    assert list(scene[HOLDER].keys()) == ["lights_1"]
 
 
 def test_a_group_that_was_not_prepared_is_never_handed_to_a_material(scene, two_planes):
@@ -192,7 +195,7 @@ def test_materials_with_glints_inside_a_group_of_the_users_share_one_set(scene, 
     assert len(report["hints"]) == 8 and "Glint Lights.001" not in bpy.data.node_groups
 
 
-def test_two_scenes_do_not_disturb_each_other_and_a_shared_material_is_warned_about(scene, flake_map):
+def test_scenes_do_not_disturb_each_other_and_a_shared_material_finds_the_lights_of_each(scene, flake_map):
     planes = []
     for number in range(2):
         if number:
@@ -205,12 +208,33 @@ def test_two_scenes_do_not_disturb_each_other_and_a_shared_material_is_warned_ab
     materials = [plane.material_slots[0].material for plane in planes]
     for each in (first, second, first):
         assert prepare_scene(each)["warnings"] == []
-    assert [lights_read(material) for material in materials] == [
-        (["Glint Lights"], {"Lamp 0"}), (["Glint Lights.001"], {"Lamp 1"})
+    assert [lights_read(material, each) for material, each in zip(materials, (first, second), strict=True)] == [
+        (["Glint Lights"], {"Lamp 0"}), (["Glint Lights"], {"Lamp 1"})
     ]
+    first.name = "Renamed"  # a scene is not known by its name
     first.collection.objects.link(planes[1])
-    (warning,) = prepare_scene(first)["warnings"]
-    assert '"Material 1" is in scene "Second" too' in warning and 'prepare "Second" again' in warning
+    assert prepare_scene(first)["warnings"] == []
+    assert lights_read(materials[1], first) == (["Glint Lights"], {"Lamp 0"})
+    assert lights_read(materials[1], second) == (["Glint Lights"], {"Lamp 1"})
+
+
+def test_materials_that_one_scene_tells_apart_find_the_right_lights_in_both(scene, two_planes):
+    """In a second scene both are under one lamp; what the first has is then kept for each by itself."""
+    other = bpy.data.scenes.new("Together")
+    cycles.set_up_cycles(other)
+    cycles.add_camera(other, (0, 0, 4))
+    materials = [plane.material_slots[0].material for plane in two_planes]
+    for material in materials:
+        cycles.add_plane(other, material=material, repeats=4.0)
+    add_lamp(other, "Only", (0, 0, 3))
+    prepare_scene(other)
+    assert [lights_read(material, other)[1] for material in materials] == [{"Only"}, {"Only"}]
+    prepare_scene(scene)
+    own = [{f"{side}{number}" for number in range(8)} for side in "LR"]
+    for _ in range(2):
+        assert [lights_read(material, scene)[1] for material in materials] == own
+        assert [lights_read(material, other)[1] for material in materials] == [{"Only"}, {"Only"}]
+        prepare_scene(other)
 
 
 # --- frames ---

@@ -243,7 +243,7 @@ def test_objects_with_glints_are_those_with_a_glint_bsdf_not_with_another_group_
     glints = cycles.add_plane(scene, 1.0, material=material_with(glint_bsdf.build()))
     cycles.add_plane(scene, 1.0, material=material_with(glint_lights.build(), "Textured"))
     cycles.add_plane(scene, 1.0)
-    assert glint_objects(scene.objects) == [glints]
+    assert glint_objects(scene.objects, scene.view_layers[:]) == [glints]
 
 
 @pytest.mark.parametrize(("kind", "settings"), [("SPOT", {"spot_size": 0.5}), ("AREA", {"size": 0.1})])

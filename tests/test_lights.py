@@ -12,12 +12,13 @@ import pytest
 from mathutils import Vector
 
 from glint_addon.errors import SceneError
-from glint_addon.lights.drivers import connect_hints, disconnect
+from glint_addon.lights.drivers import connect_hints
 from glint_addon.lights.hint import Hint
 from glint_addon.lights.shutter import shutter_ways
 from glint_addon.lights.size import light_size
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_lights import HINT_COUNT, KIND_LOCAL, KIND_SUN
+from glint_addon.nodes.scene_lights import HOLDER, PARTS
 from tests.helpers import cycles
 from tests.helpers.scene_hints import scene_hints
 
@@ -77,16 +78,21 @@ def towards(lamp):
     return lamp.matrix_world.col[2].to_3d().normalized()
 
 
-def driver_records(group):
-    """Everything a driver of the group holds, and where."""
+def light_drivers(scene):
+    """The drivers of the scene's lights."""
+    return scene[HOLDER].animation_data.drivers
+
+
+def driver_records(scene):
+    """Everything a driver of the scene's lights holds, and where."""
     return [
-        (curve.data_path, curve.driver.type, curve.driver.expression, len(curve.keyframe_points))
+        (curve.data_path, curve.array_index, curve.driver.type, curve.driver.expression, len(curve.keyframe_points))
         + tuple(
             (entry.name, entry.type, target.id and target.id.name, target.data_path, target.transform_type)
             for entry in curve.driver.variables
             for target in entry.targets
         )
-        for curve in group.animation_data.drivers
+        for curve in light_drivers(scene)
     ]
 
 
@@ -328,12 +334,12 @@ def test_connecting_twice_changes_nothing(stage):
     add_lamp(stage, "Lamp")
     add_lamp(stage, "Panel", "AREA", shape="ELLIPSE")
     add_lamp(stage, "Sun", "SUN")
-    group = connected(stage)
-    before = driver_records(group)
-    addresses = [curve.as_pointer() for curve in group.animation_data.drivers]
     connected(stage)
-    assert driver_records(group) == before
-    assert [curve.as_pointer() for curve in group.animation_data.drivers] == addresses
+    before = driver_records(stage)
+    addresses = [curve.as_pointer() for curve in light_drivers(stage)]
+    connected(stage)
+    assert driver_records(stage) == before
+    assert [curve.as_pointer() for curve in light_drivers(stage)] == addresses
 
 
 def test_slots_of_removed_lights_are_cleared_and_later_lights_move_up(stage):
@@ -345,18 +351,16 @@ def test_slots_of_removed_lights_are_cleared_and_later_lights_move_up(stage):
     assert slot_values(group, 1)[0] == pytest.approx(towards(second))
     assert slot_values(group, 1)[1] == pytest.approx([KIND_SUN, second.data.angle / 2, 0])
     assert slot_values(group, 2) == [[0, 0, 0], [0, 0, 0]]
-    assert [record[0] for record in driver_records(group) if ' 2"]' in record[0]] == []
+    assert [index for _, index, *_ in driver_records(stage) if index >= PARTS] == []
 
 
-def test_disconnect_leaves_only_the_sample_count(stage):
+def test_without_lights_nothing_is_driven_by_objects(stage):
     add_lamp(stage, "Lamp", location=(1, 2, 3))
     group = connected(stage)
-    disconnect(group)
-    assert [curve.data_path for curve in group.animation_data.drivers] == [
-        f'nodes["{name}"].outputs[0].default_value' for name in ("Samples", "Closures")
-    ]
-    assert slot_values(group, 1) == [[0, 0, 0], [0, 0, 0]]
-    disconnect(group)
+    for _ in range(2):
+        connect_hints(group, stage, [])
+        assert list(light_drivers(stage)) == []
+        assert slot_values(group, 1) == [[0, 0, 0], [0, 0, 0]]
 
 
 def test_every_expression_is_evaluated_without_python(stage):
@@ -365,8 +369,8 @@ def test_every_expression_is_evaluated_without_python(stage):
     for kind in ("POINT", "SPOT", "SUN"):
         add_lamp(stage, kind, kind)
     group = connected(stage)
-    assert len(group.animation_data.drivers) == 2 + 7 * 5 + 5 * 4, "of areas and spots the cone and its axis too"
-    for curve in group.animation_data.drivers:
+    assert len(light_drivers(stage)) == 7 * 5 + 5 * 4, "of areas and spots the cone and its axis too"
+    for curve in [*light_drivers(stage), *group.animation_data.drivers]:
         assert curve.driver.is_simple_expression, curve.driver.expression
         assert curve.driver.is_valid
 
@@ -394,7 +398,8 @@ def test_a_group_without_its_nodes_is_refused(stage):
     group = glint_lights.build()
     group.nodes.remove(group.nodes["Shape 3"])
     with pytest.raises(SceneError, match='lost its node "Shape 3"'):
-        disconnect(group)
+        connect_hints(group, stage, [])
+    assert HOLDER not in stage
 
 
 def test_lights_linked_from_a_library_are_followed(stage, tmp_path):

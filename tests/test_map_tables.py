@@ -15,9 +15,11 @@ from glint_addon.images import image_pixels
 from glint_addon.material import glint_groups
 from glint_addon.nodes import glint_bsdf
 from glint_addon.nodes.builder import STAMP
-from glint_addon.paths import TABLE_FOLDER_NAME
+from glint_addon.nodes.glint_bsdf import map_of
+from glint_addon.paths import TABLE_FOLDER_NAME, disk_path
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
+from tests.helpers.old_group import make_old
 from tests.test_prepare import plain, state, tables
 
 SIDE = 256  # texels; the map's blocks are 32, 64 and 128 wide
@@ -55,7 +57,8 @@ def shown(group) -> dict:
     """What the shader is told of the counts."""
     inputs = group.nodes[glint_bsdf.SCRIPT_NODE].inputs
     names = ("CountsTable", "CountsFirst", "CountsLevels", "BinLow", "BinHigh")
-    return {name: plain(inputs[name].default_value) for name in names}
+    found = {name: plain(inputs[name].default_value) for name in names}
+    return found | {"CountsTable": str(disk_path(found["CountsTable"])) if found["CountsTable"] else ""}
 
 
 def counts_files(report, kind) -> list[str]:
@@ -76,8 +79,9 @@ def test_a_near_view_bakes_no_counts_and_a_far_one_bakes_the_levels_it_reaches(s
     assert report["levels"] == {"flakes.png": BLOCKS} and path.endswith("_32_128.exr")
     # And the index; the table of normals was there.
     assert report["counts"]["tables_baked"] == 2 and report["counts"]["tables_in_use"] == 3
-    assert group_of(plane).nodes[glint_bsdf.SCRIPT_NODE].inputs["IndexTable"].default_value in report["baked"]
-    low, high = counts.slope_box(decoded_normals(image_pixels(group_of(plane)["glint_image"])))
+    index = group_of(plane).nodes[glint_bsdf.SCRIPT_NODE].inputs["IndexTable"].default_value
+    assert str(disk_path(index)) in report["baked"] and index.startswith("//")
+    low, high = counts.slope_box(decoded_normals(image_pixels(map_of(group_of(plane)))))
     assert shown(group_of(plane)) == {
         "CountsTable": path, "CountsFirst": 32, "CountsLevels": 3, "BinLow": (*low, 0), "BinHigh": (*high, 0)}
 
@@ -108,7 +112,7 @@ def test_counts_of_more_levels_than_needed_are_kept_and_of_fewer_are_baked_again
 def test_a_deleted_file_is_baked_again_and_nothing_else(scene, plane):
     look(scene, 64)
     baked = prepare_scene(scene)["baked"]
-    for path in (*counts_files({"baked": baked}, "baked"), group_of(plane)["glint_index"]):
+    for path in (*counts_files({"baked": baked}, "baked"), str(disk_path(group_of(plane)["glint_index"]))):
         Path(path).unlink()
         report = prepare_scene(scene)
         assert report["baked"] == [path] and sorted(report["reused"]) == sorted(set(baked) - {path})
@@ -154,7 +158,7 @@ def test_a_group_of_another_version_gets_fresh_tables(scene, plane):
     look(scene, 64)
     first = prepare_scene(scene)
     before = shown(group_of(plane))
-    group_of(plane)[STAMP] = glint_bsdf.VERSION - 1
+    make_old(group_of(plane))
     report = prepare_scene(scene)
     # Their names are their contents: the files are the same, but the map was read to find that out.
     assert report["reused"] == first["baked"] and report["counts"]["images_read"] == 1
@@ -164,12 +168,12 @@ def test_a_group_of_another_version_gets_fresh_tables(scene, plane):
 def test_a_group_of_another_version_that_no_camera_sees_stays_as_it_is(scene, plane):
     """Its shader may lack inputs of this version."""
     group = group_of(plane)
-    group[STAMP] = glint_bsdf.VERSION - 1
+    make_old(group)
     group.nodes.remove(group.nodes[glint_bsdf.SCRIPT_NODE])
     group.nodes.new("ShaderNodeScript").name = glint_bsdf.SCRIPT_NODE
     plane.location.z = 50.0
     assert prepare_scene(scene)["unseen"] == ["Sparkle"]
-    assert group_of(plane)[STAMP] == glint_bsdf.VERSION - 1 and not group_of(plane).nodes[glint_bsdf.SCRIPT_NODE].inputs
+    assert group_of(plane)[STAMP] == 9 and not group_of(plane).nodes[glint_bsdf.SCRIPT_NODE].inputs
     plane.location.z = 0.0
     assert prepare_scene(scene)["unseen"] == [] and "Visits" in group_of(plane).nodes[glint_bsdf.SCRIPT_NODE].inputs
 
@@ -178,7 +182,7 @@ def test_a_missing_map_keeps_its_counts(scene, plane, tmp_path):
     look(scene, 64)
     first = prepare_scene(scene)
     (tmp_path / "flakes.png").unlink()
-    group_of(plane)["glint_image"].reload()
+    map_of(group_of(plane)).reload()
     before = shown(group_of(plane))
     assert sorted(prepare_scene(scene)["reused"]) == sorted(first["baked"]) and shown(group_of(plane)) == before
 
@@ -266,7 +270,7 @@ def test_the_scenes_own_budget_counts_where_the_caller_gives_none(scene, plane):
     try:
         assert scene.glint.table_budget == 2048
         scene.glint.table_budget = 1
-        plane.data.materials.append(create_glint_material("Linear", group_of(plane)["glint_image"]))
+        plane.data.materials.append(create_glint_material("Linear", map_of(group_of(plane))))
         assert prepare_scene(scene)["warnings"] and not prepare_scene(scene, table_budget=16)["warnings"]
     finally:
         glint_addon.unregister()

@@ -8,6 +8,7 @@ from glint_addon import create_glint_material
 from glint_addon.errors import GlintError, MapError, ShaderError
 from glint_addon.material import glint_groups, is_glint_material
 from glint_addon.nodes import glint_bsdf
+from glint_addon.nodes.glint_bsdf import map_of
 from tests.helpers.extension import data_names, write_flake_map
 
 SIZE = 16
@@ -81,7 +82,7 @@ def test_the_arguments_reach_both_the_shader_and_the_native_nodes(flake_map, dis
 
 def test_an_image_data_block_is_as_good_as_a_path(scene):
     image = float_image()
-    assert glint_groups(create_glint_material("m", image))[0]["glint_image"] == image
+    assert map_of(glint_groups(create_glint_material("m", image))[0]) == image
 
 
 def test_the_same_name_twice_gives_two_materials_that_share_one_group(flake_map):

@@ -136,7 +136,15 @@ def test_the_panel_says_why_osl_is_off(glinting):
     assert "OSL off, CPU" in seen and LEFT_OFF in seen
 
 
+def add_lights(*names):
+    """Lights of these names: what is no longer there is not shown."""
+    for name in names:
+        thing = bpy.data.objects.new(name, bpy.data.lights.new(name, "POINT"))
+        bpy.context.scene.collection.objects.link(thing)
+
+
 def test_the_panel_shows_every_part_of_the_report(glinting):
+    add_lights("Sun", "Lamp")
     store_report(bpy.context.scene, REPORT)
     assert "Simplify limits the texture size." in drawn(GLINT_PT_material)
     lights = drawn(GLINT_PT_lights)
@@ -148,6 +156,7 @@ def test_the_panel_shows_every_part_of_the_report(glinting):
 
 def test_the_panel_shows_the_lights_of_the_shown_material_and_which_are_left_to_chance_there(glinting):
     shown = glinting.active_material.name
+    add_lights("Moon", "Sun", *(f"Lamp {number}" for number in range(6)))
     far = [[f"Lamp {number}", "too dim"] for number in range(6)]
     store_report(bpy.context.scene, {
         **REPORT, "hints": ["Moon", "Sun"],

@@ -1,5 +1,7 @@
 """prepare_scene: bakes what is missing and nothing else, says what it did, and refuses without leaving a trace."""
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
@@ -8,7 +10,8 @@ from glint_addon import create_glint_material, prepare_scene
 from glint_addon.errors import MapError, TableError
 from glint_addon.material import glint_groups
 from glint_addon.nodes import glint_bsdf, glint_lights, image_texture
-from glint_addon.paths import TABLE_FOLDER_NAME, table_folder
+from glint_addon.nodes.glint_bsdf import map_of
+from glint_addon.paths import TABLE_FOLDER_NAME, disk_path, table_folder
 from tests.helpers import cycles
 from tests.helpers.extension import data_names, write_flake_map
 
@@ -48,8 +51,8 @@ def group_of(plane, slot=0):
 
 
 def shown_table(group):
-    """File name in the shader's socket."""
-    return group.nodes[glint_bsdf.SCRIPT_NODE].inputs["Table"].default_value
+    """The file that the shader's socket names."""
+    return str(disk_path(group.nodes[glint_bsdf.SCRIPT_NODE].inputs["Table"].default_value, group.library))
 
 
 def plain(value):
@@ -115,7 +118,7 @@ def test_the_report_names_lights_tables_and_device(scene, plane, blend):
 def test_the_shader_is_told_the_table_its_size_and_its_slopes(scene, flake_map, plane):
     (path,) = prepare_scene(scene)["baked"]
     script = group_of(plane).nodes[glint_bsdf.SCRIPT_NODE].inputs
-    assert script["Table"].default_value == path
+    assert script["Table"].default_value == f"//{TABLE_FOLDER_NAME}/{Path(path).name}" and Path(path).is_file()
     assert (script["Width"].default_value, script["Height"].default_value) == (32, 32)
     low, high = script["SlopeLow"].default_value, script["SlopeHigh"].default_value
     # The map's slopes are normal with deviation 0.3, 1024 of them: nearly all within four deviations.
@@ -150,7 +153,7 @@ def test_a_changed_image_file_is_baked_again(scene, plane, flake_map, blend):
 
 def test_painting_the_image_bakes_again(scene, plane):
     (old,) = prepare_scene(scene)["baked"]
-    image = group_of(plane)["glint_image"]
+    image = map_of(group_of(plane))
     pixels = np.tile(np.float32([0.5, 0.5, 1, 1]), 32 * 32)
     image.pixels.foreach_set(pixels)
     (new,) = prepare_scene(scene)["baked"]
@@ -319,13 +322,14 @@ def test_glints_appended_from_another_file_get_a_table_here_and_the_lights_of_th
     assert group.nodes[glint_bsdf.LIGHTS_NODE].node_tree == bpy.data.node_groups[glint_lights.NAME, None]
 
 
-def test_glints_linked_from_another_file_are_left_alone_and_warned_about(scene, flake_map, tmp_path):
+def test_glints_linked_from_another_file_keep_their_tables_and_find_the_lights_of_this_scene(
+    scene, flake_map, tmp_path
+):
     scene, guest = from_other_file(tmp_path, flake_map, link=True)
     table = shown_table(group_of(guest))
     report = prepare_scene(scene)
     assert len(report["reused"]) == 1 and not report["baked"] and shown_table(group_of(guest)) == table
-    (warning,) = report["warnings"]
-    assert "other.blend" in warning and "Make Local" in warning
+    assert report["warnings"] == [] and len(report["hints_by_material"]) == 2
 
 
 def test_a_file_moved_with_its_tables_bakes_nothing(scene, plane, blend, tmp_path):
@@ -379,14 +383,14 @@ def test_a_blender_without_osl_is_told_and_bakes_nothing(scene, plane, blend, mo
 
 def test_a_missing_image_is_refused_while_it_has_no_table(scene, plane, flake_map):
     flake_map.unlink()
-    group_of(plane)["glint_image"].reload()
+    map_of(group_of(plane)).reload()
     assert "flakes.png" in refusal(scene, MapError)
 
 
 def test_a_missing_image_is_warned_about_while_its_table_is_there(scene, plane, flake_map):
     (path,) = prepare_scene(scene)["baked"]
     flake_map.unlink()
-    group_of(plane)["glint_image"].reload()
+    map_of(group_of(plane)).reload()
     for _ in range(2):
         report = prepare_scene(scene)
         assert report["reused"] == [path] and len(report["warnings"]) == 1
@@ -397,7 +401,7 @@ def test_a_missing_image_is_warned_about_while_its_table_is_there(scene, plane, 
 
 def test_an_image_that_went_bad_is_refused(scene, plane):
     prepare_scene(scene)
-    group_of(plane)["glint_image"].source = "MOVIE"
+    map_of(group_of(plane)).source = "MOVIE"
     assert "movie" in refusal(scene, MapError)
 
 

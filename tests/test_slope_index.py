@@ -1,7 +1,6 @@
 """The index table: every element once, in the cell of its slope; the shader finds by it what it finds one by one."""
 
 import re
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -13,6 +12,7 @@ from glint_addon.bake import slope_index
 from glint_addon.errors import CancelledError
 from glint_addon.material import glint_groups
 from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
+from glint_addon.paths import disk_path
 from tests.helpers import counters, cycles
 from tests.helpers.normals import random_normals
 
@@ -197,7 +197,7 @@ def test_an_index_of_which_a_part_is_lost_takes_no_light_away(scene, wall):
     (group,) = glint_groups(material)
     table = group.nodes[SCRIPT_NODE].inputs["IndexTable"]
     group.nodes[SCRIPT_NODE].inputs["CountsFirst"].default_value = 0
-    path = Path(table.default_value)
+    path = disk_path(table.default_value)
     assert (counters.counters(scene, material).mode == MODE_INDEX).all()
     expected = cycles.rendered(scene)[..., 0].mean()
     for start, end in LOST:

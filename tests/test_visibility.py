@@ -1,6 +1,7 @@
 """What no camera sees is not baked; whatever may be seen, at any frame and in any way, is."""
 
 import math
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import glint_addon
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.material import glint_groups
+from glint_addon.paths import stored_path
 from glint_addon.visibility import unseen_objects
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
@@ -244,7 +246,7 @@ def test_a_table_that_is_there_stays_in_use_when_the_object_leaves_the_view(scen
     glints.location = AWAY
     report = prepare_scene(scene)
     assert report["reused"] == [table] and not report["baked"] and not report["unseen"]
-    assert glint_groups(glints.material_slots[0].material)[0]["glint_table"] == table
+    assert glint_groups(glints.material_slots[0].material)[0]["glint_table"] == stored_path(Path(table))
 
 
 def test_a_material_is_baked_if_one_of_its_objects_is_seen(scene, glints):

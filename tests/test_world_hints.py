@@ -21,6 +21,7 @@ from glint_addon.lights.world_picture import linear_pixels
 from glint_addon.material import create_glint_material
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_lights import KIND_SUN
+from glint_addon.nodes.scene_lights import HOLDER
 from glint_addon.prepare import prepare_scene
 
 from .helpers import cycles
@@ -141,7 +142,8 @@ def connect(scene):
     material.node_tree.links.new(node.outputs["Light 1"], colour)
     cycles.add_plane(scene, material=material)
     connect_hints(group, scene, scene_hints(scene)[0])
-    for curve in group.animation_data.drivers:
+    animation = scene[HOLDER].animation_data
+    for curve in animation.drivers if animation is not None else ():
         assert curve.driver.is_simple_expression, curve.driver.expression
     return group
 

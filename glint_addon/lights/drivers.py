@@ -1,4 +1,4 @@
-"""Light hints -> numbers of the node group "Glint Lights", driven by the light objects.
+"""Light hints -> numbers of a scene, driven by the light objects, which the node group "Glint Lights" reads.
 
 Every expression is one that Blender evaluates without Python, so the drivers also work where scripts in files are not
 run. All lengths are in metres, angles in radians, space is the world.
@@ -9,12 +9,12 @@ from __future__ import annotations
 from ..errors import SceneError
 from ..motion import is_fixed
 from ..nodes.driven import Driven, Keyed, Variable, write_number
-from ..nodes.glint_lights import HINT_COUNT, KIND_NONE, KIND_SUN, axis_name, light_name, refresh, shape_name
+from ..nodes.glint_lights import KIND_NONE, KIND_SUN, check_nodes, refresh, set_of
+from ..nodes.scene_lights import AXIS, HINT_COUNT, LIGHT, REACH, SHAPE, SHIFT, lights_entry, own_holder
 from .frames import Frame
 from .hint import Hint
-from .shutter_nodes import write_ways
+from .shutter_nodes import read_ways
 
-AXES = ("X", "Y", "Z")
 NO_LIGHT = (0.0, 0.0, 0.0)
 EVEN = 1.01  # scales that differ less hardly change a cone
 
@@ -30,7 +30,7 @@ AREA_RADIUS = {
 
 
 def connect_hints(group, scene, hints: list[Hint], ways: dict | None = None) -> None:
-    """Drive the group's lights by `hints` in their order and clear the slots left over.
+    """Write `hints`, in their order, to the set of `scene` that the group reads, and clear the slots left over.
 
     ways: {hint: `shutter.Way`} of those that move while the shutter is open.
 
@@ -44,31 +44,32 @@ def connect_hints(group, scene, hints: list[Hint], ways: dict | None = None) -> 
         if hint.object not in present or hint.instance is not None and hint.instance.instancer not in present:
             raise SceneError(f'Light "{hint.name}" is not in scene "{scene.name}": prepare the scene again.')
 
-    refresh(group)
+    if group.library is None:
+        refresh(group)
+    check_nodes(group)
+    number = set_of(group)
+    own_holder(scene, number)
     for slot in range(1, HINT_COUNT + 1):
         hint = hints[slot - 1] if slot <= len(hints) else None
-        cone = _cone(scene, hint, ways or {}) if hint else 0.0
-        _write_vector(group, light_name(slot), _place(hint) if hint else NO_LIGHT)
-        _write_vector(group, shape_name(slot), (*_shape(hint), cone) if hint else NO_LIGHT)
-        _write_vector(group, axis_name(slot), _frame(hint).z_axis() if cone else NO_LIGHT)
-    write_ways(group, [(ways or {}).get(hint) for hint in hints])
+        for part, numbers in _numbers(scene, hint, ways or {}).items():
+            for axis, value in enumerate(numbers):
+                write_number(lights_entry(scene, number, slot, part + axis), value)
+    if group.library is None:
+        read_ways(group)
 
 
-def disconnect(group) -> None:
-    """Clear every light of the group; the sample count stays driven. Raises SceneError if the group lacks a node."""
-    refresh(group)
-    for slot in range(1, HINT_COUNT + 1):
-        for name in (light_name, shape_name, axis_name):
-            _write_vector(group, name(slot), NO_LIGHT)
-    write_ways(group, [])
-
-
-def _write_vector(group, node_name, numbers):
-    node = group.nodes.get(node_name)
-    if node is None:
-        raise SceneError(f'Node group "{group.name}" has lost its node "{node_name}": delete the group, prepare again.')
-    for axis, number in zip(AXES, numbers, strict=True):
-        write_number(node.inputs[axis], number)
+def _numbers(scene, hint, ways) -> dict[int, tuple]:
+    """The numbers of a light by its parts; zeros for none."""
+    if hint is None:
+        return dict.fromkeys((LIGHT, SHAPE, AXIS, SHIFT, REACH), NO_LIGHT)
+    cone, way = _cone(scene, hint, ways), ways.get(hint)
+    return {
+        LIGHT: _place(hint),
+        SHAPE: (*_shape(hint), cone),
+        AXIS: _frame(hint).z_axis() if cone else NO_LIGHT,
+        SHIFT: way.shift if way else NO_LIGHT,
+        REACH: way.reach if way else NO_LIGHT,
+    }
 
 
 def _place(hint):

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..motion import KEEPS_THE_BOX, copies_others, has_fixed_box, is_fixed, keeps_its_shape
 from ..nodes.glint_lights import KIND_LOCAL
+from ..worn import worn_materials
 from .animation import is_animated
 from .emission import sampled_radiance
 from .hint import Ball, Hint
@@ -46,10 +47,10 @@ def mesh_emitters(scene, layers, rendered, receivers, bounds) -> tuple[list[Hint
     is_still = is_still and not any(copies_others(thing) for thing in scene.objects)
     hints, skipped, known = [], [], {}
     for thing in scene.objects:
-        if not shines(thing, known):
+        if not shines(thing, layers, known):
             continue
         lit = lit_objects(thing, receivers)
-        reason = _reason_here(thing, thing in rendered, bool(lit) or not receivers) or reason_to_skip(thing)
+        reason = reason_here(thing, thing in rendered, bool(lit) or not receivers) or reason_to_skip(thing)
         found = None if reason else shine(thing, layers, known)
         if found is not None:
             boxes = bounds if len(lit) == len(receivers) else world_bounds(lit)
@@ -63,9 +64,9 @@ def mesh_emitters(scene, layers, rendered, receivers, bounds) -> tuple[list[Hint
     return hints, skipped
 
 
-def shines(thing, known: dict) -> bool:
+def shines(thing, layers, known: dict) -> bool:
     """Whether Cycles samples an object as a light; `known` remembers each material's radiance."""
-    materials = [slot.material for slot in thing.material_slots] if thing.type in EMITTERS else []
+    materials = worn_materials(thing, layers) if thing.type in EMITTERS else []
     for material in materials:
         if material not in known:
             known[material] = sampled_radiance(material)
@@ -104,7 +105,7 @@ def mesh_hint(name, matrix, found: Shine, boxes, **where) -> Hint:
     return Hint(name, KIND_LOCAL, power, size, ball=found.ball, **where)
 
 
-def _reason_here(thing, in_rendered_collection, lights_receivers) -> str:
+def reason_here(thing, in_rendered_collection, lights_receivers) -> str:
     checks = (
         (not in_rendered_collection, "its collections are hidden in renders or excluded from the view layer"),
         (thing.hide_render and not is_animated(thing, "hide_render"), "hidden in renders"),

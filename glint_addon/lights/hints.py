@@ -30,7 +30,7 @@ def scene_candidates(scene, layers, copied) -> tuple[list[Hint], list[tuple[str,
     copied: `receivers.copied_places` of these layers.
     """
     shown = shown_objects(layers)
-    receivers = glint_objects([*shown, *sorted(copied.keys() - set(shown), key=lambda thing: thing.name_full)])
+    receivers = glint_objects([*shown, *sorted(copied.keys() - set(shown), key=lambda thing: thing.name_full)], layers)
     bounds = world_bounds(receivers or [thing for thing in shown if thing.type == "MESH"], copied)
     return candidates(scene, layers, receivers, bounds)
 

@@ -34,7 +34,7 @@ class _Finder:
         self.hints, self.skipped = [], []
 
     def is_light(self, thing) -> bool:
-        return thing.type == "LIGHT" or shines(thing, self.radiances)
+        return thing.type == "LIGHT" or shines(thing, self.layers, self.radiances)
 
     def add(self, name, source, shower, matrix, instance):
         """Judge the copy of `source` that object `shower` shows where `matrix` says; note its hint, or why not."""
@@ -86,7 +86,7 @@ def instance_hints(scene, layers, shown, receivers, bounds) -> tuple[list[Hint],
         if empty.instance_type != "COLLECTION" or empty.instance_collection is None:
             continue
         to_world = empty.matrix_world @ Matrix.Translation(-empty.instance_collection.instance_offset)
-        for thing in sorted(_rendered_members(empty.instance_collection), key=lambda thing: thing.name_full):
+        for thing in sorted(rendered_members(empty.instance_collection), key=lambda thing: thing.name_full):
             if finder.is_light(thing):
                 name = f"{thing.name} in {empty.name}"
                 finder.add(name, thing, empty, to_world @ thing.matrix_world, Instance(thing, empty))
@@ -103,12 +103,12 @@ def instance_hints(scene, layers, shown, receivers, bounds) -> tuple[list[Hint],
     return finder.hints, finder.skipped
 
 
-def _rendered_members(collection) -> set:
+def rendered_members(collection) -> set:
     """Objects that an instance of `collection` shows in renders."""
     if collection.hide_render:
         return set()
     own = {thing for thing in collection.objects if not thing.hide_render or is_animated(thing, "hide_render")}
-    return own.union(*(_rendered_members(child) for child in collection.children))
+    return own.union(*(rendered_members(child) for child in collection.children))
 
 
 def _named(found: set[Copy]) -> list[tuple[str, Copy]]:

@@ -28,7 +28,7 @@ def lamp_hints(scene, rendered, receivers, bounds) -> tuple[list[Hint], list[tup
     hints, skipped = [], []
     for lamp in (thing for thing in scene.objects if thing.type == "LIGHT"):
         lit = lit_objects(lamp, receivers)
-        reason = _reason_here(lamp, lamp in rendered, bool(lit) or not receivers) or reason_to_skip(lamp)
+        reason = reason_here(lamp, lamp in rendered, bool(lit) or not receivers) or reason_to_skip(lamp)
         boxes = bounds if len(lit) == len(receivers) else world_bounds(lit)
         hint = lamp_hint(lamp.name, lamp, boxes, object=lamp)
         if not reason and is_still and is_fixed(lamp):
@@ -40,7 +40,7 @@ def lamp_hints(scene, rendered, receivers, bounds) -> tuple[list[Hint], list[tup
     return hints, skipped
 
 
-def _reason_here(lamp, in_rendered_collection: bool, lights_receivers: bool) -> str:
+def reason_here(lamp, in_rendered_collection: bool, lights_receivers: bool) -> str:
     """Why the light needs no hint where it is, in words, or an empty string."""
     checks = (
         (not in_rendered_collection, "its collections are hidden in renders or excluded from the view layer"),

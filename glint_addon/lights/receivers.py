@@ -6,17 +6,18 @@ import numpy as np
 
 from ..motion import copies_others
 from ..nodes.glint_bsdf import is_glint_group
+from ..worn import worn_materials
 
 MOST_COPIES = 64  # of an object: lights are ranked by where it is, and the next copy is near
 
 
-def glint_objects(objects) -> list:
-    """Those of `objects` with a material that holds a Glint BSDF group, at any depth."""
+def glint_objects(objects, layers) -> list:
+    """Those of `objects` that show, in the view layers, a material with a Glint BSDF group, at any depth."""
     known = {}
     return [
         thing
         for thing in objects
-        if any(slot.material and _uses_glints(slot.material.node_tree, known) for slot in thing.material_slots)
+        if any(_uses_glints(material.node_tree, known) for material in worn_materials(thing, layers))
     ]
 
 

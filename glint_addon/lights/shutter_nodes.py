@@ -1,7 +1,7 @@
 """Nodes in the group "Glint Lights" that put a hint where its light is when a ray is sent, while the shutter is open.
 
-No node of Blender's own knows the time of a ray, so a Script node tells it; all else are Math nodes with numbers or
-keys. Lights that do not move within a shutter have none of these nodes.
+No node of Blender's own knows the time of a ray, so a Script node tells it; all else are Math nodes. Lights that
+move within a shutter in no scene have none of these nodes.
 """
 
 from __future__ import annotations
@@ -9,31 +9,28 @@ from __future__ import annotations
 from ..errors import SceneError
 from ..nodes import builder
 from ..nodes.driven import write_number
-from ..nodes.glint_lights import HINT_COUNT, light_name
+from ..nodes.glint_lights import light_name, set_of
+from ..nodes.scene_lights import HINT_COUNT, REACH, SHIFT, context_number, is_used
 from ..nodes.script_node import add_script_node
-from .shutter import Way
 
 TIME = "Shutter Time"
 SHADER = "shutter_time.osl"
 STILL = (0.0, 0.0, 0.0)
 
 
-def write_ways(group, ways: list[Way | None]) -> None:
-    """Let each light of the group move by its way, one for each slot (None: still); what is as wanted is not touched.
+def read_ways(group) -> None:
+    """Let each light of the group move by what the scene being rendered says, where any scene has it move.
 
-    Raises SceneError if the group lacks a node.
+    What is as wanted is not touched. Raises SceneError if the group lacks a node.
     """
-    wanted = [*ways, *[None] * (HINT_COUNT - len(ways))]
-    for slot, way in enumerate(wanted, 1):
-        if way is not None and group.nodes.get(_moved_name(slot)) is None:
+    moving = [slot for slot in range(1, HINT_COUNT + 1)
+              if is_used(set_of(group), slot, SHIFT) or is_used(set_of(group), slot, REACH)]
+    for slot in range(1, HINT_COUNT + 1):
+        if slot in moving and group.nodes.get(_moved_name(slot)) is None:
             _add_nodes(group, slot)
-        elif way is None and group.nodes.get(_moved_name(slot)) is not None:
+        elif slot not in moving and group.nodes.get(_moved_name(slot)) is not None:
             _remove_nodes(group, slot)
-        if way is not None:
-            for name, numbers in ((_shift_name(slot), way.shift), (_reach_name(slot), way.reach)):
-                for axis, number in zip("XYZ", numbers, strict=True):
-                    write_number(_node(group, name).inputs[axis], number)
-    if not any(wanted) and group.nodes.get(TIME) is not None:
+    if not moving and group.nodes.get(TIME) is not None:
         group.nodes.remove(group.nodes[TIME])
 
 
@@ -64,6 +61,9 @@ def _add_nodes(group, slot):
     light = _node(group, light_name(slot)).outputs["Vector"]
     ends = [link.to_socket for link in light.links]
     shift, reach = (builder.add_node(group, "ShaderNodeCombineXYZ", name(slot)) for name in (_shift_name, _reach_name))
+    for node, part in ((shift, SHIFT), (reach, REACH)):
+        for axis, socket in enumerate(node.inputs):
+            write_number(socket, context_number(set_of(group), slot, part + axis))
     shifted = builder.add_math(group, "ADD", light, shift.outputs["Vector"], label=_turned_name(slot), vector=True)
     time = _time(group)
     moved = builder.add_math(group, "MULTIPLY_ADD", reach.outputs["Vector"], STILL if time is None else time, shifted,
@@ -79,8 +79,8 @@ def _remove_nodes(group, slot):
         group.links.new(light, link.to_socket)
     for name in (_shift_name, _reach_name, _turned_name, _moved_name):
         node = _node(group, name(slot))
-        for axis in "XYZ" if name in (_shift_name, _reach_name) else ():
-            write_number(node.inputs[axis], 0.0)  # takes its keys away
+        for socket in node.inputs if name in (_shift_name, _reach_name) else ():
+            write_number(socket, 0.0)  # takes its driver away
         group.nodes.remove(node)
     builder.arrange(group)
 

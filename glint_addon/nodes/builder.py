@@ -78,6 +78,15 @@ def add_math(group, operation, *operands, label="", vector=False):
     return next(socket for socket in node.outputs if socket.enabled)
 
 
+def change_text(socket, change):
+    """Let change(text) say what a socket's text is to be, if there are a socket and a text.
+
+    The same text is not written: Blender would compile the shader again.
+    """
+    if socket is not None and socket.default_value and (text := change(socket.default_value)) != socket.default_value:
+        socket.default_value = text
+
+
 def arrange(group):
     """Place every node in columns by its longest distance from the inputs, in order of creation within a column."""
     depth = {}

@@ -1,4 +1,7 @@
-"""One number that drivers or keys move, and how it is written to a socket only when it differs from what is there."""
+"""One number that drivers move, and how it is written only when it differs from what is there.
+
+A number is held by a node's socket, or is one of an array that a data-block keeps as a custom property (`Entry`).
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,9 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from bpy_extras.anim_utils import action_get_channelbag_for_slot
+
+VALUE = "default_value"  # of sockets, and so of entries
+FRAME = "frame"  # Blender's name for the frame, fractions too, in expressions that it evaluates without Python
 
 
 @dataclass(frozen=True)
@@ -15,12 +20,14 @@ class Variable:
 
     kind "SINGLE_PROP":  `source` is a data-block, `channel` the path of one of its properties.
     kind "CONTEXT_PROP": `source` is ACTIVE_SCENE or ACTIVE_VIEW_LAYER (those being rendered), `channel` such a path.
+    otherwise: the value where there is no such property, None if there must be one.
     """
 
     name: str
     kind: str
     source: bpy.types.ID | str | None
     channel: str
+    otherwise: float | None = None
 
 
 @dataclass(frozen=True)
@@ -39,76 +46,93 @@ class Keyed:
     values: tuple[float, ...]
 
 
-def write_number(socket, number: Driven | Keyed | float):
-    """Make `socket` hold the driven, keyed or constant `number`; touch nothing if it already does."""
-    if isinstance(number, Driven):
-        curve = driver_curve(socket)
-        if curve is None or _number_of(curve) != number:
-            clear_driver(socket)
-            _add_driver(socket, number)
+@dataclass
+class Entry:
+    """Number `index` of the array that data-block `id_data` keeps as custom property `key`; used like a socket."""
+
+    id_data: bpy.types.ID
+    key: str
+    index: int
+
+    @property
+    def default_value(self) -> float:
+        """The number as it is now."""
+        return self.id_data[self.key][self.index]
+
+    @default_value.setter
+    def default_value(self, number: float):
+        self.id_data[self.key][self.index] = number
+        self.id_data.update_tag()
+
+    def path_from_id(self, _value: str) -> str:
+        """Path of the array."""
+        return f'["{self.key}"]'
+
+    def driver_add(self, _value: str) -> bpy.types.FCurve:
+        """Give the number a driver."""
+        return self.id_data.driver_add(self.path_from_id(VALUE), self.index)
+
+    def driver_remove(self, _value: str):
+        """Take its driver away."""
+        self.id_data.driver_remove(self.path_from_id(VALUE), self.index)
+
+
+def write_number(place, number: Driven | Keyed | float):
+    """Make `place`, a socket or an `Entry`, hold the driven, keyed or constant number; touch nothing if it does."""
+    if isinstance(number, Driven | Keyed):
+        curve = driver_curve(place)
+        if curve is None or _number_of(curve) != _as_stored(number):
+            clear_driver(place)
+            _add_driver(place, number)
         return
-    clear_driver(socket)
-    if isinstance(number, Keyed):
-        _write_keys(socket, number)
-        return
-    _clear_keys(socket)
-    if socket.default_value != np.float32(number):
-        socket.default_value = number
+    clear_driver(place)
+    if place.default_value != np.float32(number):
+        place.default_value = float(np.float32(number))
 
 
-def driver_curve(socket) -> bpy.types.FCurve | None:
-    """The F-curve that holds the driver of the socket's value, or None."""
-    animation = socket.id_data.animation_data
-    return animation.drivers.find(socket.path_from_id("default_value")) if animation else None
+def number_at(place) -> Driven | Keyed | float:
+    """What `place`, a socket or an `Entry`, holds."""
+    curve = driver_curve(place)
+    return place.default_value if curve is None else _number_of(curve)
 
 
-def clear_driver(socket):
-    """Remove the driver of the socket's value, if it has one; the value stays."""
-    if driver_curve(socket) is not None:
-        socket.driver_remove("default_value")
-
-
-def _write_keys(socket, number: Keyed):
-    keys = np.stack([number.frames, number.values], axis=1).astype(np.float32)
-    curve = _key_curve(socket)
-    if curve is not None and np.array_equal([key.co[:] for key in curve.keyframe_points], keys):
-        return
-    _clear_keys(socket)
-    for frame, value in keys.tolist():
-        socket.default_value = value
-        socket.keyframe_insert("default_value", frame=frame)
-    for key in _key_curve(socket).keyframe_points:
-        key.interpolation = "LINEAR"
-
-
-def _clear_keys(socket):
-    curve = _key_curve(socket)
-    if curve is not None:
-        _bag(socket).fcurves.remove(curve)
-
-
-def _key_curve(socket) -> bpy.types.FCurve | None:
-    bag = _bag(socket)
-    return bag.fcurves.find(socket.path_from_id("default_value")) if bag else None
-
-
-def _bag(socket):
-    """The animation curves of the socket's node tree, or None."""
-    animation = socket.id_data.animation_data
-    if animation is None or animation.action is None or animation.action_slot is None:
+def driver_curve(place) -> bpy.types.FCurve | None:
+    """The F-curve that holds the driver of the place's value, or None."""
+    animation = place.id_data.animation_data
+    if animation is None:
         return None
-    return action_get_channelbag_for_slot(animation.action, animation.action_slot)
+    return animation.drivers.find(place.path_from_id(VALUE), index=max(getattr(place, "index", 0), 0))
 
 
-def _add_driver(socket, number: Driven):
-    curve = socket.driver_add("default_value")
-    # A new driver maps its value through a curve of two keys; without keys the value goes through as it is.
+def clear_driver(place):
+    """Remove the driver of the place's value, if it has one; the value stays."""
+    if driver_curve(place) is not None:
+        place.driver_remove(VALUE)
+
+
+def _add_driver(place, number: Driven | Keyed):
+    curve = place.driver_add(VALUE)
+    # A driver maps its value through the curve's keys: none for a value that goes through as it is, the number's own
+    # for one that depends on the frame alone. So no action is needed, which would belong to the user.
     curve.keyframe_points.clear()
     driver = curve.driver
     driver.type = "SCRIPTED"
+    if isinstance(number, Keyed):
+        driver.expression = FRAME
+        _add_keys(curve, number)
+        return
     for variable in number.variables:
         _add_variable(driver, variable)
     driver.expression = number.expression
+
+
+def _add_keys(curve, number: Keyed):
+    curve.extrapolation = "CONSTANT"
+    curve.keyframe_points.add(len(number.frames))
+    for key, frame, value in zip(curve.keyframe_points, number.frames, number.values, strict=True):
+        key.co = frame, value
+        key.interpolation = "LINEAR"
+    curve.update()
 
 
 def _add_variable(driver, variable: Variable):
@@ -116,6 +140,8 @@ def _add_variable(driver, variable: Variable):
     entry.name = variable.name
     entry.type = variable.kind
     target = entry.targets[0]
+    if variable.otherwise is not None:
+        target.use_fallback_value, target.fallback_value = True, variable.otherwise
     if variable.kind == "CONTEXT_PROP":
         target.context_property = variable.source
         target.data_path = variable.channel
@@ -125,13 +151,24 @@ def _add_variable(driver, variable: Variable):
     target.data_path = variable.channel
 
 
-def _number_of(curve) -> Driven:
+def _as_stored(number: Driven | Keyed) -> Driven | Keyed:
+    """The number with its keys in 32 bits, as Blender keeps them."""
+    if isinstance(number, Driven):
+        return number
+    return Keyed(number.frames, tuple(float(np.float32(value)) for value in number.values))
+
+
+def _number_of(curve) -> Driven | Keyed:
     """What the driver in `curve` computes, in the terms of this module."""
+    keys = curve.keyframe_points
+    if len(keys):
+        return Keyed(tuple(int(key.co.x) for key in keys), tuple(key.co.y for key in keys))
     return Driven(curve.driver.expression, tuple(_variable_of(entry) for entry in curve.driver.variables))
 
 
 def _variable_of(entry) -> Variable:
     target = entry.targets[0]
+    otherwise = target.fallback_value if target.use_fallback_value else None
     if entry.type == "CONTEXT_PROP":
-        return Variable(entry.name, entry.type, target.context_property, target.data_path)
-    return Variable(entry.name, entry.type, target.id, target.data_path)
+        return Variable(entry.name, entry.type, target.context_property, target.data_path, otherwise)
+    return Variable(entry.name, entry.type, target.id, target.data_path, otherwise)

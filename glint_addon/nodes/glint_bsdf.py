@@ -2,6 +2,10 @@
 
 The map belongs to the group, not to a socket: OSL needs its table's file name as a constant, and node groups have no
 string sockets. So there is one group for each map and way of reading it: "Glint BSDF", "Glint BSDF.001", ...
+
+Blender's own nodes inside the group say which image it reads and how. Nothing repeats that: whoever changes these nodes
+changes what is prepared. An image in a custom property would be lost besides, because each preview of a material takes
+one of its users away.
 """
 
 from __future__ import annotations
@@ -10,21 +14,36 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..errors import MapError
+from ..errors import MapError, SceneError
+from ..images import data_image, is_data_copy
 from . import glint_lights
-from .builder import STAMP, add_input, add_node, add_output, arrange, local_group, new_group
+from .builder import STAMP, add_input, add_node, add_output, arrange, change_text, local_group, new_group
 from .driven import Driven, Variable, write_number
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
-VERSION = 9
+VERSION = 10
 SCRIPT_NODE = "Glint"
 LIGHTS_NODE = "Lights"
 CAUSTICS_NODE = "Caustics"
+# Blender's own nodes, which say what the group reads.
+IMAGE_NODE, NORMAL_NODE, FACETS_NODE = "Normal Map Image", "Tangent Space", "Facets"
+UV_NODE = "UV Map"
+ORIGINAL_NODE = "Original"  # of an image that is shown as colour elsewhere: the group reads a copy, and this holds it
 DISTRIBUTIONS = ("BECKMANN", "GGX")
-INTERPOLATIONS = ("LINEAR", "CLOSEST")
+INTERPOLATIONS = ("LINEAR", "CLOSEST")  # in the Image Texture node: Linear, Closest
 CONVENTIONS = ("OPENGL", "DIRECTX")
 EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
+
+# Where a group keeps the paths of its tables: properties for the next preparation, sockets of the OSL node.
+PATHS = ("glint_table", "glint_index", "glint_counts")
+PATH_SOCKETS = ("Table", "IndexTable", "CountsTable")
+
+# Up to version 9 custom properties said what a group reads.
+VERSION_OF_NODES = 10
+OLD_IMAGE, OLD_INTERPOLATION = "glint_image", "glint_interpolation"
+OLD_PROPERTIES = (OLD_IMAGE, OLD_INTERPOLATION, "glint_convention", "glint_distribution", "glint_uv_map",
+                  "glint_extension")
 
 # Whether glints are enumerated after diffuse bounces too, in the scene that is being rendered: where Cycles shows what
 # facets throw on their neighbours, and does not blur it by Filter Glossy, which leaves nothing to gain.
@@ -39,7 +58,7 @@ CAUSTICS = Driven(
 
 @dataclass(frozen=True)
 class MapBinding:
-    """A normal map and how it is read; the values are those of Blender's own nodes."""
+    """A normal map, the user's own image, and how it is read; the values are those of Blender's own nodes."""
 
     image: bpy.types.Image | None = None
     interpolation: str = "LINEAR"
@@ -59,6 +78,17 @@ class MapBinding:
                 raise MapError(f'{what} "{value}" is unknown: use one of {", ".join(allowed)}.')
 
 
+SOCKETS = (
+    ("Color", "NodeSocketColor", {"default": (1, 1, 1, 1), "help": "Reflectance of a facet"}),
+    ("Roughness", "NodeSocketFloat", {
+        "default": 0.1, "low": 0.0, "high": 1.0, "subtype": "FACTOR",
+        "help": "Roughness of a single facet; its alpha is the square. Smaller: sharper, rarer, brighter glints"}),
+    ("Strength", "NodeSocketFloat", {
+        "default": 1.0, "low": 0.0, "high": 10.0, "help": "Scale of the map's slopes, as in the Normal Map node"}),
+    ("Vector", "NodeSocketVector", {"help": "Texture coordinates; the UV map if nothing is connected"}),
+)
+
+
 def build() -> bpy.types.ShaderNodeTree:
     """Get or build the group without a map: a plain glossy surface until a map is chosen."""
     return group_for(MapBinding())
@@ -71,11 +101,11 @@ def group_for(binding: MapBinding) -> bpy.types.ShaderNodeTree:
     """
     local_group(NAME)
     for group in bpy.data.node_groups:
-        if is_glint_group(group) and group.library is None and group_binding(group) == binding:
+        if is_glint_group(group) and group.library is None and reads(group, binding):
             return group
     group = new_group(NAME, VERSION, "Glints of a normal map's microstructure")
     try:
-        _store_binding(group, binding)
+        group["glint_table"] = group["glint_source"] = ""
         _add_sockets(group)
         _add_nodes(group, binding)
         arrange(group)
@@ -87,31 +117,84 @@ def group_for(binding: MapBinding) -> bpy.types.ShaderNodeTree:
 
 def is_glint_group(group) -> bool:
     """Whether a node tree is a Glint BSDF group."""
-    return group is not None and STAMP in group and "glint_interpolation" in group
+    return group is not None and STAMP in group and (IMAGE_NODE in group.nodes or OLD_INTERPOLATION in group)
+
+
+def map_of(group) -> bpy.types.Image | None:
+    """The normal map of a Glint BSDF group: the user's own image, though the group may read a copy of it."""
+    texture, original = group.nodes.get(IMAGE_NODE), group.nodes.get(ORIGINAL_NODE)
+    if texture is None:
+        return group.get(OLD_IMAGE)
+    if original is not None and original.image is not None and is_data_copy(texture.image):
+        return original.image
+    return texture.image
+
+
+def image_read(group) -> bpy.types.Image | None:
+    """The image whose pixels a Glint BSDF group reads: its map, or the copy of that which is read as data."""
+    texture = group.nodes.get(IMAGE_NODE)
+    return texture.image if texture is not None else group.get(OLD_IMAGE)
+
+
+def lights_of(group):
+    """The group "Glint Lights" that a Glint BSDF group reads, or None."""
+    node = group.nodes.get(LIGHTS_NODE)
+    return node.node_tree if node is not None else None
 
 
 def group_binding(group) -> MapBinding:
-    """What a Glint BSDF group reads."""
+    """What a Glint BSDF group reads, and how: what Blender's own nodes in it say.
+
+    Raises MapError for a way of reading that glints cannot follow, SceneError if one of those nodes is missing.
+    """
+    if group[STAMP] < VERSION_OF_NODES:
+        return _old_binding(group)
+    texture, normal_map, facets = (_node(group, name) for name in (IMAGE_NODE, NORMAL_NODE, FACETS_NODE))
     return MapBinding(
-        group.get("glint_image"),
-        group["glint_interpolation"],
-        group["glint_convention"],
-        group["glint_distribution"],
-        group["glint_uv_map"],
-        group.get("glint_extension", "REPEAT"),  # groups of version 3 and before have none
+        map_of(group),
+        texture.interpolation.upper(),
+        normal_map.convention,
+        facets.distribution,
+        normal_map.uv_map,
+        texture.extension,
     )
 
 
+def drop_pointers():
+    """Let groups of version 9 and before keep their map in a node alone, before a preview takes it from them."""
+    for group in bpy.data.node_groups:
+        if group.library is None and group.get(OLD_IMAGE) is not None and IMAGE_NODE in group.nodes:
+            if group.nodes[IMAGE_NODE].image is None:
+                group.nodes[IMAGE_NODE].image = group[OLD_IMAGE]
+            del group[OLD_IMAGE]
+
+
+def reads(group, binding: MapBinding) -> bool:
+    """Whether a Glint BSDF group reads `binding`; one that was changed so that it cannot be read does not."""
+    try:
+        return group_binding(group) == binding
+    except (MapError, SceneError):
+        return False
+
+
 def refresh(group):
-    """Rebuild the nodes of a group made by another version, or by a Blender without OSL; its sockets stay linked."""
-    outdated = group[STAMP] != VERSION or (osl_available() and group.nodes.get(SCRIPT_NODE) is None)
-    if not outdated:
-        return
-    group.nodes.clear()
-    _add_nodes(group, group_binding(group))
-    arrange(group)
-    group[STAMP] = VERSION
-    group["glint_table"] = ""
+    """Bring a group of another version, or of a Blender without OSL, up to date; its map, values and links stay.
+
+    Where its nodes were changed by hand, the OSL node follows them.
+    """
+    binding = group_binding(group)
+    is_outdated = group[STAMP] != VERSION or (osl_available() and group.nodes.get(SCRIPT_NODE) is None)
+    if is_outdated:
+        group.nodes.clear()
+        _add_sockets(group)
+        _add_nodes(group, binding)
+        arrange(group)
+        for name in OLD_PROPERTIES:
+            group.pop(name, None)
+        group[STAMP] = VERSION
+        group["glint_table"] = ""
+    else:
+        _follow_nodes(group, binding)
 
 
 def set_table(group, path: str, size, slope_low, slope_high, counts=None, index: str = ""):
@@ -135,6 +218,18 @@ def set_table(group, path: str, size, slope_low, slope_high, counts=None, index:
     } | _counts_values(*(counts or ("", (0, 0), (0.0, 0.0), (0.0, 0.0))))
     for name, value in values.items():
         script.inputs[name].default_value = value
+
+
+def change_paths(group, change):
+    """Let change(path) say what stands for each path of a table that the group names; other groups name none."""
+    if not is_glint_group(group):
+        return
+    for name in PATHS:
+        if group.get(name) and (path := change(group[name])) != group[name]:
+            group[name] = path
+    script = group.nodes.get(SCRIPT_NODE)
+    for name in PATH_SOCKETS:
+        change_text(script.inputs.get(name) if script is not None else None, change)
 
 
 def share_closures(group, lobes: int):
@@ -166,26 +261,36 @@ def _counts_values(path, levels, low, high) -> dict:
     }
 
 
-def _store_binding(group, binding):
-    if binding.image is not None:
-        group["glint_image"] = binding.image
-    group["glint_interpolation"] = binding.interpolation
-    group["glint_convention"] = binding.convention
-    group["glint_distribution"] = binding.distribution
-    group["glint_uv_map"] = binding.uv_map
-    group["glint_extension"] = binding.extension
-    group["glint_table"] = ""
-    group["glint_source"] = ""
+def _old_binding(group) -> MapBinding:
+    """What a group of version 9 or before reads; its node has the image where the property has lost it."""
+    texture = group.nodes.get(IMAGE_NODE)
+    return MapBinding(
+        group.get(OLD_IMAGE) or (texture.image if texture is not None else None),
+        group[OLD_INTERPOLATION],
+        group["glint_convention"],
+        group["glint_distribution"],
+        group["glint_uv_map"],
+        group.get("glint_extension", "REPEAT"),  # groups of version 3 and before have none
+    )
+
+
+def _node(group, name):
+    node = group.nodes.get(name)
+    if node is None:
+        raise SceneError(f'Node group "{group.name}" has lost its node "{name}": add its material anew.')
+    return node
 
 
 def _add_sockets(group):
-    add_output(group, "BSDF", "NodeSocketShader")
-    add_input(group, "Color", "NodeSocketColor", default=(1, 1, 1, 1), help="Reflectance of a facet")
-    add_input(group, "Roughness", "NodeSocketFloat", default=0.1, low=0.0, high=1.0, subtype="FACTOR",
-              help="Roughness of a single facet; its alpha is the square. Smaller: sharper, rarer, brighter glints")
-    add_input(group, "Strength", "NodeSocketFloat", default=1.0, low=0.0, high=10.0,
-              help="Scale of the map's slopes, as in the Normal Map node")
-    add_input(group, "Vector", "NodeSocketVector", help="Texture coordinates: connect a UV Map node")
+    """The sockets that the group lacks; a new group lacks all."""
+    present = {item.name for item in group.interface.items_tree}
+    if "BSDF" not in present:
+        add_output(group, "BSDF", "NodeSocketShader")
+    for name, kind, settings in SOCKETS:
+        if name not in present:
+            add_input(group, name, kind, **settings)
+    # Without a value to show, a socket that is not connected gives textures their own coordinates: the UV map.
+    group.interface.items_tree["Vector"].hide_value = True
 
 
 def _add_nodes(group, binding):
@@ -198,17 +303,12 @@ def _add_nodes(group, binding):
         return
 
     lights = add_node(group, "ShaderNodeGroup", LIGHTS_NODE, node_tree=glint_lights.build())
-    prefix = f"{binding.uv_map}." if binding.uv_map else "geom:"
-    for name, value in {
-        "Linear": int(binding.interpolation == "LINEAR"),
-        "Repeats": int(binding.extension == "REPEAT"),
-        "GGX": int(binding.distribution == "GGX"),
-        "TangentName": f"{prefix}tangent",
-        "SignName": f"{prefix}tangent_sign",
-    }.items():
-        script.inputs[name].default_value = value
+    # Where nothing is connected to Vector: the active UV map, which the Image Texture then takes by itself.
+    coordinates = add_node(group, "ShaderNodeUVMap", UV_NODE)
+    _follow_nodes(group, binding)
     links = [(source.outputs[name], script.inputs[name]) for name in ("Color", "Roughness", "Strength")]
     links.append((source.outputs["Vector"], script.inputs["UV"]))
+    links.append((coordinates.outputs["UV"], script.inputs["MapUV"]))
     links.append((glossy, script.inputs["Fallback"]))
     for name in (glint_lights.SAMPLES, glint_lights.CLOSURES):
         links.append((lights.outputs[name], script.inputs[name]))
@@ -230,15 +330,31 @@ def _add_nodes(group, binding):
         group.links.new(one, other)
 
 
+def _follow_nodes(group, binding):
+    """Let the OSL node, if there is one, read the map as Blender's own nodes do."""
+    script = group.nodes.get(SCRIPT_NODE)
+    if script is None:
+        return
+    prefix = f"{binding.uv_map}." if binding.uv_map else "geom:"
+    for name, value in {
+        "Linear": int(binding.interpolation == "LINEAR"),
+        "Repeats": int(binding.extension == "REPEAT"),
+        "GGX": int(binding.distribution == "GGX"),
+        "TangentName": f"{prefix}tangent",
+        "SignName": f"{prefix}tangent_sign",
+    }.items():
+        if script.inputs[name].default_value != value:
+            script.inputs[name].default_value = value
+
+
 def _add_native_nodes(group, binding, source):
     """Blender's own nodes for the same surface; returns the BSDF output."""
-    texture = add_node(group, "ShaderNodeTexImage", "Normal Map Image",
-                       interpolation="Linear" if binding.interpolation == "LINEAR" else "Closest",
+    texture = add_node(group, "ShaderNodeTexImage", IMAGE_NODE, interpolation=binding.interpolation.capitalize(),
                        extension=binding.extension)
-    texture.image = binding.image
-    normal_map = add_node(group, "ShaderNodeNormalMap", "Tangent Space", uv_map=binding.uv_map,
+    _read_map(group, binding.image)
+    normal_map = add_node(group, "ShaderNodeNormalMap", NORMAL_NODE, uv_map=binding.uv_map,
                           convention=binding.convention)
-    glossy = add_node(group, "ShaderNodeBsdfAnisotropic", "Facets", distribution=binding.distribution)
+    glossy = add_node(group, "ShaderNodeBsdfAnisotropic", FACETS_NODE, distribution=binding.distribution)
     group.links.new(source.outputs["Vector"], texture.inputs["Vector"])
     group.links.new(source.outputs["Strength"], normal_map.inputs["Strength"])
     if binding.image is not None:
@@ -247,3 +363,25 @@ def _add_native_nodes(group, binding, source):
     group.links.new(source.outputs["Color"], glossy.inputs["Color"])
     group.links.new(source.outputs["Roughness"], glossy.inputs["Roughness"])
     return glossy.outputs["BSDF"]
+
+
+def follow_map(group):
+    """Let the group read its map as data and as it is now: where it is shown as colour, a copy that is up to date.
+
+    Raises MapError if its pixels cannot be copied.
+    """
+    if group.nodes.get(IMAGE_NODE) is not None and map_of(group) is not None:
+        _read_map(group, map_of(group))
+
+
+def _read_map(group, image):
+    texture, original = group.nodes[IMAGE_NODE], group.nodes.get(ORIGINAL_NODE)
+    wanted = data_image(image, texture.image) if image is not None else None
+    if texture.image != wanted:
+        texture.image = wanted
+    if texture.image != image:
+        original = original or add_node(group, "ShaderNodeTexImage", ORIGINAL_NODE)
+        if original.image != image:
+            original.image = image
+    elif original is not None:
+        group.nodes.remove(original)

@@ -1,20 +1,23 @@
 """Node group "Glint Lights": the small lights that a glint material looks for, and the scene's sample count.
 
-Where materials look for different lights, the further sets are "Glint Lights.001" and so on. The numbers
-are constants or driven by simple expressions (see `lights.drivers`), so a saved file renders the same without the
-add-on, in batch and in animation.
+Where materials look for different lights, the further sets are "Glint Lights.001" and so on, each with a number. The
+group names no light and no scene: it reads the numbers of its set from the scene that is being rendered (see
+`scene_lights`), by drivers that Blender evaluates without Python. So a saved file renders the same without the add-on,
+in batch and in animation, one material serves several scenes, and a material that is appended brings no lamp along.
 """
 
 from __future__ import annotations
 
 import bpy
 
+from ..errors import SceneError
 from . import builder
 from .driven import Driven, Variable, write_number
+from .scene_lights import AXIS, HINT_COUNT, LIGHT, SHAPE, context_number
 
 NAME = "Glint Lights"
-VERSION = 2
-HINT_COUNT = 8  # all hints share the 64 closures of a shading point: 8 leave each of them 8 closures
+VERSION = 3
+SET = "glint_lights_set"  # property of a group: number of its set, from 1
 
 # Values of a shape's X.
 KIND_NONE = 0
@@ -23,6 +26,7 @@ KIND_LOCAL = 2
 
 SAMPLES = "Samples"
 CLOSURES = "Closures"
+AXIS_WORD = "Axis"
 LIGHT_HELP = "Sun: unit vector towards the light, in world space. Other lights: position in world space, in metres"
 SHAPE_HELP = (
     "X: 0 no light, 1 sun, 2 other light. Y: half-angle of a sun in radians, radius of other lights in metres. "
@@ -60,71 +64,100 @@ def shape_name(slot: int) -> str:
 
 def axis_name(slot: int) -> str:
     """Name of the output, and of the node behind it, with the axis of light `slot` (1 to HINT_COUNT)."""
-    return f"Axis {slot}"
+    return f"{AXIS_WORD} {slot}"
 
 
 def build() -> bpy.types.ShaderNodeTree:
-    """The local group "Glint Lights", built without any light if the file has none.
+    """The local group "Glint Lights", which holds set 1, built if the file has none.
 
     Raises SceneError if a group of that name exists that the extension did not make.
     """
     group = builder.local_group(NAME)
     if group is None:
-        return build_another()
+        return _built(NAME, 1)
     refresh(group)
     return group
 
 
-def build_another() -> bpy.types.ShaderNodeTree:
-    """One more group of this kind, without any light."""
-    group = builder.new_group(NAME, VERSION, "Lights that glints look for, and the number of samples")
-    _add_outputs(group)
-    _add_nodes(group)
-    _add_axes(group)
-    builder.arrange(group)
-    return group
+def build_set(number: int) -> bpy.types.ShaderNodeTree:
+    """The local group that reads set `number`, 1 or more, built if the file has none."""
+    if number == 1:
+        return build()
+    group = next((group for group in groups() if set_of(group) == number), None)
+    return _built(f"{NAME}.{number - 1:03d}", number) if group is None else group
+
+
+def set_of(group) -> int:
+    """Number of the set that the group reads; 0 for a group of version 2 and before, which holds lights itself."""
+    return group.get(SET, 0)
 
 
 def refresh(group) -> None:
-    """Give a group of version 1, whose lights have no axes, what it lacks; its lights stay as they are."""
-    if group[builder.STAMP] < VERSION:
-        _add_axes(group)
-        builder.arrange(group)
-        group[builder.STAMP] = VERSION
+    """Let a group of an older version read the lights of the scene; what reads the group stays linked."""
+    if group[builder.STAMP] >= VERSION:
+        return
+    group.animation_data_clear()
+    group.nodes.clear()
+    group[SET] = _free_set()
+    _add_nodes(group)
+    builder.arrange(group)
+    group[builder.STAMP] = VERSION
+
+
+def check_nodes(group) -> None:
+    """Raise SceneError if the group lacks one of the nodes that read lights."""
+    for slot in range(1, HINT_COUNT + 1):
+        for name in (light_name(slot), shape_name(slot), axis_name(slot)):
+            if group.nodes.get(name) is None:
+                raise SceneError(
+                    f'Node group "{group.name}" has lost its node "{name}": delete the group, prepare again.')
 
 
 def groups() -> list[bpy.types.ShaderNodeTree]:
     """All local groups of this kind, "Glint Lights" first, by name."""
-    found = (group for group in bpy.data.node_groups
-             if group.library is None and builder.STAMP in group and shape_name(1) in group.nodes)
+    found = (group for group in bpy.data.node_groups if group.library is None and is_lights_group(group))
     return sorted(found, key=lambda group: (group.name != NAME, group.name))
 
 
-def _add_outputs(group):
-    for slot in range(1, HINT_COUNT + 1):
-        builder.add_output(group, light_name(slot), "NodeSocketVector", help=LIGHT_HELP)
-        builder.add_output(group, shape_name(slot), "NodeSocketVector", help=SHAPE_HELP)
-    builder.add_output(group, SAMPLES, "NodeSocketFloat", help="Samples a pixel of the render under way")
-    builder.add_output(group, CLOSURES, "NodeSocketFloat", help="Closures a glint may use: 60 on CPU, 0 on GPU")
+def is_lights_group(group) -> bool:
+    """Whether a node tree is such a group, local or linked."""
+    return builder.STAMP in group and shape_name(1) in group.nodes
+
+
+def _built(name, number):
+    group = builder.new_group(name, VERSION, "Lights that glints look for, and the number of samples")
+    group[SET] = number
+    _add_nodes(group)
+    builder.arrange(group)
+    return group
+
+
+def _free_set() -> int:
+    """The lowest number that no group in the file reads."""
+    taken = {set_of(group) for group in bpy.data.node_groups if is_lights_group(group)}
+    return next(number for number in range(1, len(taken) + 2) if number not in taken)
 
 
 def _add_nodes(group):
-    names = [name(slot) for slot in range(1, HINT_COUNT + 1) for name in (light_name, shape_name)]
-    sources = {name: builder.add_node(group, "ShaderNodeCombineXYZ", name).outputs["Vector"] for name in names}
-    for name, number in ((SAMPLES, SAMPLE_COUNT), (CLOSURES, CLOSURE_COUNT)):
-        sources[name] = builder.add_node(group, "ShaderNodeValue", name).outputs["Value"]
-        write_number(sources[name], number)
+    """The nodes, and the outputs that a new group or an older version lacks."""
+    sources = {}
+    for slot in range(1, HINT_COUNT + 1):
+        for name, part, help in ((light_name(slot), LIGHT, LIGHT_HELP), (shape_name(slot), SHAPE, SHAPE_HELP),
+                                 (axis_name(slot), AXIS, AXIS_HELP)):
+            node = builder.add_node(group, "ShaderNodeCombineXYZ", name)
+            for axis, socket in enumerate(node.inputs):
+                write_number(socket, context_number(set_of(group), slot, part + axis))
+            sources[name] = node.outputs["Vector"], help
+    for name, number, help in ((SAMPLES, SAMPLE_COUNT, "Samples a pixel of the render under way"),
+                               (CLOSURES, CLOSURE_COUNT, "Closures a glint may use: 60 on CPU, 0 on GPU")):
+        sources[name] = builder.add_node(group, "ShaderNodeValue", name).outputs["Value"], help
+        write_number(sources[name][0], number)
 
+    present = {item.name for item in group.interface.items_tree}
     output = builder.add_node(group, "NodeGroupOutput")
-    for name, source in sources.items():
+    # Axes came last, in version 2: nodes keep their links to another group by the order in which sockets were made.
+    for name, (source, help) in sorted(sources.items(), key=lambda item: item[0].startswith(AXIS_WORD)):
+        if name not in present:
+            kind = "NodeSocketFloat" if name in (SAMPLES, CLOSURES) else "NodeSocketVector"
+            builder.add_output(group, name, kind, help=help)
         group.links.new(source, output.inputs[name])
-
-
-def _add_axes(group):
-    names = [axis_name(slot) for slot in range(1, HINT_COUNT + 1)]
-    for name in names:
-        builder.add_output(group, name, "NodeSocketVector", help=AXIS_HELP)
-    (output,) = (node for node in group.nodes if node.bl_idname == "NodeGroupOutput")
-    for name in names:
-        node = builder.add_node(group, "ShaderNodeCombineXYZ", name)
-        group.links.new(node.outputs["Vector"], output.inputs[name])

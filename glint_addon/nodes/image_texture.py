@@ -121,6 +121,12 @@ def bake_missing(folder=None) -> list[str]:
     return baked
 
 
+def change_paths(group, change):
+    """Let change(path) say what stands for the path of the pyramid that a copy of the group names; others name none."""
+    script = group.nodes.get(MIPMAP_NODE) if KIND in group else None
+    builder.change_text(script.inputs.get("File") if script is not None else None, change)
+
+
 def shows_mip_levels() -> bool:
     """Whether any node shows an image with the filter Mipmap, which needs OSL and baked levels."""
     return bool(_groups_with_mipmap())
@@ -154,7 +160,7 @@ def _bake(script, image, folder) -> bool:
         name=image.name,
     )
     height, width = stored.pixels.shape[:2]
-    values = {"File": str(path), "Width": width, "Height": height}
+    values = {"File": paths.stored_path(path), "Width": width, "Height": height}
     values |= {"Encoded": int(stored.encoded), "Associated": int(stored.associated)}
     for name, value in values.items():
         script.inputs[name].default_value = value

@@ -28,13 +28,13 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
 
     def invoke(self, context, event):
         """Start from what the material has now, or the image picked in the panel, and ask."""
-        from ..nodes.glint_bsdf import group_binding
+        from ..nodes.glint_bsdf import group_binding, map_of
 
         group = glint_nodes(active_material(context))[0].node_tree
         binding = group_binding(group)
         for name in ("interpolation", "convention", "distribution", "uv_map", "extension"):
             setattr(self, name, getattr(binding, name))
-        image = context.scene.glint.normal_map or group.get("glint_image")
+        image = context.scene.glint.normal_map or map_of(group)
         self.image = image.name if image is not None else ""
         return context.window_manager.invoke_props_dialog(self, width=350)
 

@@ -39,9 +39,10 @@ class GLINT_OT_keep_glints(bpy.types.Operator):
 def softens_glints(scene) -> bool:
     """Whether renders of `scene` are denoised in the way that costs glints their light."""
     # Which denoiser is not asked: Cycles would look for GPUs to answer, and panels ask at every redraw.
-    cycles = scene.cycles
+    cycles = getattr(scene, "cycles", None)  # Cycles may be switched off in Preferences
     return (
-        scene.render.engine == "CYCLES"
+        cycles is not None
+        and scene.render.engine == "CYCLES"
         and cycles.use_denoising
         and cycles.denoising_input_passes == SOFTENING
         and any(layer.use and layer.cycles.use_denoising for layer in scene.view_layers)

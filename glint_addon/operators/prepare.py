@@ -2,7 +2,9 @@
 
 import bpy
 
+from ..nodes.glint_bsdf import is_glint_group, map_of
 from ..nodes.image_texture import KIND as IMAGE_GROUP
+from ..watch import look_at
 from .failing_softly import FailsSoftly
 from .in_background import RunsInBackground
 from .scene_state import store_report
@@ -34,6 +36,7 @@ class GLINT_OT_prepare(FailsSoftly, RunsInBackground, bpy.types.Operator):
     def finish(self, context, report):
         """Keep the report for the panel, and say it in words."""
         store_report(context.scene, report)
+        look_at(context.scene)
         for sentence in report["warnings"]:
             self.report({"WARNING"}, sentence)
         for sentence in report["notes"]:
@@ -44,7 +47,8 @@ class GLINT_OT_prepare(FailsSoftly, RunsInBackground, bpy.types.Operator):
 
 def has_glint_groups() -> bool:
     """Whether the file has a group that bakes, a map's or an image's; asked at every redraw, so it looks no further."""
-    return any(group.get("glint_image") is not None or IMAGE_GROUP in group for group in bpy.data.node_groups)
+    groups = bpy.data.node_groups
+    return any(IMAGE_GROUP in group or is_glint_group(group) and map_of(group) is not None for group in groups)
 
 
 def summary(report: dict) -> str:

@@ -44,8 +44,6 @@ class GLINT_PG_scene(bpy.types.PropertyGroup):
         soft_min=64,
     )
     prepared: BoolProperty(name="Prepared", description="Whether this scene has been prepared for glints")
-    osl: BoolProperty(name="OSL", description="Whether Open Shading Language was on after the last preparation")
-    device: StringProperty(name="Device", description="What Cycles rendered on at the last preparation")
     hints: CollectionProperty(type=GLINT_PG_line)
     skipped_lights: CollectionProperty(type=GLINT_PG_line)
     material_lights: CollectionProperty(type=GLINT_PG_material_light)
@@ -59,8 +57,6 @@ def store_report(scene, report: dict):
     """Keep what `prepare_scene` returned on `scene`, in place of the last report."""
     state = scene.glint
     state.prepared = True
-    state.osl = report["osl"]
-    state.device = report["device"]
     _fill(state.hints, [(name, "") for name in report["hints"]])
     _fill(state.skipped_lights, report["skipped_lights"])
     state.material_lights.clear()

@@ -2,9 +2,12 @@
 
 import bpy
 
+from .. import watch
+from ..errors import GlintError
 from ..operators.change_map import glint_nodes
 from ..operators.keep_glints import ADVICE, softens_glints
 from ..operators.prepare import has_glint_groups
+from ..shading_system import is_on
 from .text import draw_sentence
 
 # How the panel writes the values that a Glint BSDF group keeps.
@@ -20,6 +23,7 @@ WORDS = {
     "MIRROR": "Mirror",
 }
 
+MOST_CHANGES = 5  # sentences on what changed
 MOST_NAMES = 4  # lights named in one sentence
 
 
@@ -45,6 +49,7 @@ class GLINT_PT_material(GlintPanel, bpy.types.Panel):
         layout = self.layout
         draw_maps(layout, context)
         draw_picker(layout, context, "glint.change_map" if glint_nodes(context.material) else "glint.add_material")
+        draw_changes(layout, context)
         layout.operator("glint.prepare", icon="FILE_REFRESH")
         if has_glint_groups():
             draw_state(layout, context)
@@ -71,17 +76,18 @@ class GLINT_PT_lights(PreparedPanel, bpy.types.Panel):
         layout, state = self.layout, context.scene.glint
         shown = context.material.name if context.material else ""
         lines = [line for line in state.material_lights if line.material == shown]
-        hints = [line.name for line in lines if not line.detail] if lines else [line.name for line in state.hints]
+        hints = [line.name for line in lines or state.hints if not line.detail and is_there(line.name, context.scene)]
         if not hints:
             draw_sentence(layout, context, "No light makes glints: add a sun or a small light.", "INFO")
         for name in hints:
             layout.label(text=name, icon="LIGHT")
-        left = [line for line in lines if line.detail]
+        left = [line for line in lines if line.detail and is_there(line.name, context.scene)]
         if left:
             layout.label(text="Left to chance on this material:")
         for reason, names in sorted(names_by_reason(left).items()):
             draw_sentence(layout, context, f"{names}: {reason}", "DOT")
-        others = [line for line in state.skipped_lights if line.name not in {each.name for each in left}]
+        others = [line for line in state.skipped_lights if line.name not in {each.name for each in left}
+                  and is_there(line.name, context.scene)]
         if others:
             layout.label(text="Left out (rendered as usual):")
         for line in others:
@@ -96,10 +102,15 @@ class GLINT_PT_tables(PreparedPanel, bpy.types.Panel):
 
     def draw(self, context):
         layout, state = self.layout, context.scene.glint
-        if not state.tables:
+        if not bpy.app.build_options.cycles_osl:
+            draw_sentence(layout, context, "This Blender has no Open Shading Language, which alone reads tables.")
+        elif not state.tables:
             layout.label(text="No table is needed")
+        lost = watch.lost_tables(context.scene)
         for line in state.tables:
-            layout.label(text=f"{bpy.path.basename(line.name)} ({line.detail})", icon="FILE_CACHE")
+            name = bpy.path.basename(line.name)
+            layout.label(text=f"{name} ({'gone' if name in lost else line.detail})",
+                         icon="ERROR" if name in lost else "FILE_CACHE")
         if state.tables:
             draw_sentence(layout, context, f"In {bpy.path.native_pathsep(folder_of(state.tables[0].name))}")
         layout.prop(state, "bake_unseen")
@@ -119,22 +130,22 @@ def draw_picker(layout, context, operator):
 def draw_maps(layout, context):
     """Say which maps the material uses and how."""
     from ..material import glint_groups
+    from ..nodes.glint_bsdf import map_of
 
-    without_map = [node.node_tree for node in glint_nodes(context.material) if not node.node_tree.get("glint_image")]
+    without_map = [node.node_tree for node in glint_nodes(context.material) if map_of(node.node_tree) is None]
     for group in (*glint_groups(context.material), *dict.fromkeys(without_map)):
-        image = group.get("glint_image")
+        image = map_of(group)
         column = layout.box().column(align=True)
         if image is None:
             column.label(text="No normal map: pick one below", icon="ERROR")
             continue
         column.label(text=image.name, icon="IMAGE_DATA")
-        keys = ("distribution", "interpolation", "convention", "extension")
-        # Repeat is what one expects; it is not said.
-        words = [WORDS[value] for key in keys if (value := group.get(f"glint_{key}", "REPEAT")) != "REPEAT"]
-        column.label(text=", ".join(words), icon="BLANK1")
-        table = group.get("glint_table", "")
-        if table:
-            column.label(text=bpy.path.basename(table), icon="FILE_CACHE")
+        column.label(text=", ".join(binding_words(group)), icon="BLANK1")
+        name = bpy.path.basename(group.get("glint_table", ""))
+        if name in watch.lost_tables(context.scene):
+            column.label(text="Its table is gone", icon="ERROR")
+        elif name:
+            column.label(text=name, icon="FILE_CACHE")
         elif context.material.name in context.scene.glint.unseen:
             column.label(text="No camera sees it: no table", icon="HIDE_ON")
         elif "glint_size" in group:
@@ -143,17 +154,42 @@ def draw_maps(layout, context):
             column.label(text="Not prepared yet", icon="ERROR")
 
 
+def binding_words(group) -> list[str]:
+    """How a group reads its map, in words; Repeat is what one expects, so it is not said."""
+    from ..nodes.glint_bsdf import group_binding
+
+    try:
+        binding = group_binding(group)
+    except GlintError as error:
+        return [str(error)]
+    values = (binding.distribution, binding.interpolation, binding.convention, binding.extension)
+    return [WORDS[value] for value in values if value != "REPEAT"]
+
+
+def draw_changes(layout, context):
+    """What changed since the preparation, above the button that helps."""
+    sentences = watch.changes(context.scene) if context.scene.glint.prepared else []
+    for sentence in sentences[:MOST_CHANGES]:
+        draw_sentence(layout, context, sentence, "ERROR")
+    if len(sentences) > MOST_CHANGES:
+        layout.label(text=f"And {len(sentences) - MOST_CHANGES} more changes", icon="BLANK1")
+
+
 def draw_state(layout, context):
     """Engine, OSL and device in words, the warnings of the last preparation, and whether denoising costs glints."""
     scene, state = context.scene, context.scene.glint
+    if not hasattr(scene, "cycles"):
+        draw_sentence(layout, context, "Cycles is switched off: switch it on in Preferences > Add-ons.", "ERROR")
+        return
     if scene.render.engine != "CYCLES":
         draw_sentence(layout, context, "Glints need Cycles: other engines show Blender's own nodes.", "ERROR")
         return
     if not state.prepared:
         draw_sentence(layout, context, "This scene is not prepared: without it glints are as noisy as usual.", "INFO")
         return
-    is_right = state.osl or len(state.notes) > 0
-    layout.label(text=f"OSL {'on' if state.osl else 'off'}, {state.device}", icon="CHECKMARK" if is_right else "ERROR")
+    is_right = is_on(scene) or len(state.notes) > 0
+    layout.label(text=f"OSL {'on' if is_on(scene) else 'off'}, {scene.cycles.device}",
+                 icon="CHECKMARK" if is_right else "ERROR")
     for line in state.notes:
         draw_sentence(layout, context, line.name, "INFO")
     for line in state.warnings:
@@ -161,6 +197,14 @@ def draw_state(layout, context):
     if softens_glints(scene):
         draw_sentence(layout, context, ADVICE, "INFO")
         layout.operator("glint.keep_glints")
+
+
+def is_there(name: str, scene) -> bool:
+    """Whether what the report calls a light by this name is still in the scene: an object, one that another shows, or
+    a part of the world."""
+    inner, _, outer = name.rpartition(" in ")
+    is_shown = inner in bpy.data.objects and any(outer.startswith(thing.name) for thing in scene.objects)
+    return name in scene.objects or is_shown or any(name.startswith(world.name) for world in bpy.data.worlds)
 
 
 def names_by_reason(lines) -> dict[str, str]:

@@ -1,0 +1,54 @@
+"""Where a scene shows glints: its Glint BSDF groups, and the objects and materials that hold them."""
+
+from __future__ import annotations
+
+from .lights.animation import is_animated
+from .lights.hints import rendered_objects
+from .material import glint_groups
+from .worn import hides_materials, worn_materials
+
+
+def glint_uses(scene, *, update: bool = True) -> dict:
+    """{group: [(object, material), ...]} of each Glint BSDF group with a map that `scene` renders, with what shows it.
+
+    update: bring the view layers up to date first, for matrices, and for the collections of a scene never shown.
+    """
+    uses = {}
+    layers = render_layers(scene)
+    if update:
+        for layer in layers:
+            layer.update()
+    # A view layer's material override stands in for every object's own material.
+    overrides = [layer.material_override for layer in layers if layer.material_override is not None]
+    known = {}
+    for thing in _rendered(rendered_objects(layers), set()):
+        for material in worn_materials(thing, layers) + overrides:
+            if material not in known:
+                known[material] = glint_groups(material)
+            for group in known[material]:
+                uses.setdefault(group, []).append((thing, material))
+    return uses
+
+
+def render_layers(scene) -> list:
+    """The view layers of `scene` that are rendered."""
+    return [layer for layer in scene.view_layers if layer.use]
+
+
+def unknown_materials(scene) -> list[str]:
+    """Names of the rendered objects whose materials cannot be found: geometry nodes set them, in renders alone."""
+    layers = render_layers(scene)
+    return sorted(thing.name for thing in rendered_objects(layers)
+                  if not thing.hide_render and hides_materials(thing, layers))
+
+
+def _rendered(objects, seen: set):
+    """Those of `objects` that are rendered, and those that collection instances among them show."""
+    for thing in objects:
+        if thing.hide_render and not is_animated(thing, "hide_render"):
+            continue
+        yield thing
+        shown = thing.instance_collection if thing.instance_type == "COLLECTION" else None
+        if shown is not None and shown not in seen:
+            seen.add(shown)
+            yield from _rendered(shown.all_objects, seen)

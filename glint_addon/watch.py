@@ -1,0 +1,100 @@
+"""Looks now and then, while Blender's window is open, whether the scenes shown there must be prepared again.
+
+Panels read what was found; they compute nothing. Nothing is changed here.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import bpy
+from bpy.app.handlers import persistent
+
+INTERVAL = 1.0  # seconds between two looks at what was changed in Blender
+FILES_INTERVAL = 5.0  # seconds between two looks at files, which change without a word from Blender
+# Of all time at most this part goes into looking: painted maps are read, which takes up to a second.
+LARGEST_SHARE = 0.02
+
+
+@dataclass
+class _Found:
+    """What is known of a scene. changes: sentences; lost: names of tables that are gone or damaged."""
+
+    changes: list[str]
+    lost: set[str]
+
+
+_found: dict[int, _Found] = {}  # by the scene's session_uid
+_is_marked = True
+_last_look = 0.0
+
+
+def register():
+    """Begin to look, where there is a window."""
+    if bpy.app.background:
+        return
+    for handlers in _handlers():
+        handlers.append(mark)
+    bpy.app.timers.register(look, first_interval=INTERVAL, persistent=True)
+
+
+def unregister():
+    """Look no more."""
+    _found.clear()
+    if bpy.app.timers.is_registered(look):
+        bpy.app.timers.unregister(look)
+    for handlers in _handlers():
+        if mark in handlers:
+            handlers.remove(mark)
+
+
+def changes(scene) -> list[str]:
+    """What changed since the scene was prepared, as of the last look."""
+    found = _found.get(scene.session_uid)
+    return found.changes if found is not None else []
+
+
+def lost_tables(scene) -> set[str]:
+    """Names of the files of the scene's tables that are gone or damaged, as of the last look."""
+    found = _found.get(scene.session_uid)
+    return found.lost if found is not None else set()
+
+
+@persistent
+def mark(*_):
+    """Something changed: look soon."""
+    global _is_marked
+    _is_marked = True
+
+
+def look() -> float:
+    """Look if something was marked or files are due; returns the seconds until the next call."""
+    global _is_marked, _last_look
+    now = time.monotonic()
+    if bpy.app.is_job_running("RENDER") or not (_is_marked or now - _last_look > FILES_INTERVAL):
+        return INTERVAL
+    _is_marked, _last_look = False, now
+    for window in bpy.context.window_manager.windows:
+        look_at(window.scene)
+    return max(INTERVAL, (time.monotonic() - now) / LARGEST_SHARE)
+
+
+def look_at(scene):
+    """Find out about a scene now, and let panels show it."""
+    from .changes import changes_since_prepared, damaged_tables
+
+    before = _found.get(scene.session_uid)
+    found = _Found(changes_since_prepared(scene), damaged_tables(scene))
+    _found[scene.session_uid] = found
+    if found != before:
+        for window in bpy.context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type == "PROPERTIES":
+                    area.tag_redraw()
+
+
+def _handlers():
+    all_handlers = bpy.app.handlers
+    names = ("depsgraph_update_post", "load_post", "undo_post", "redo_post", "save_post")
+    return [getattr(all_handlers, name) for name in names]
