@@ -140,7 +140,7 @@ def material_facts() -> list[dict]:
         maps = []
         for group in glint_groups(material):
             image, table = map_of(group), group.get("glint_table", "")
-            found = bool(table) and is_whole(disk_path(table, group.library))
+            found = bool(table) and is_whole(disk_path(table))
             maps.append({"image": image.name if image else None, "table": table if found else ""})
         facts.append({"name": material.name, "maps": maps})
     return facts

@@ -9,10 +9,12 @@ from bpy.app.handlers import persistent
 
 from . import paths
 from .nodes.glint_bsdf import drop_pointers
-from .table_files import bring_tables, change_paths, find_tables, groups_with_tables, place, table_paths
+from .table_files import bring_tables, change_paths, find_tables, groups_with_tables, table_paths, take_back
 
 _before = {}  # {group: its paths} while a file is being saved, to be put back if that fails
-_left = []  # tables of an unsaved file, which go once the file is saved
+_made = []  # what was made on disk for the file that is being saved
+_left = []  # tables that an unsaved file has in the user's folder, which go once the file is saved
+_homes = {}  # folders of tables beside all files of this session, in order: undoing may lead back to what is there
 
 
 def register():
@@ -25,63 +27,64 @@ def unregister():
     """Look after them no more."""
     for handlers, function in _handlers():
         handlers.remove(function)
+    _homes.clear()
 
 
 @persistent
 def before_saving(file: str, *_):
     """Have the tables beside the file that is to be written; no name of a file: Blender's startup file."""
-    _before.clear()
-    _left.clear()
+    for memory in (_before, _made, _left):
+        memory.clear()
     if not file:
         return
-    folder = paths.table_folder(file)
-    for group in groups_with_tables():
-        _before[group] = table_paths(group)
-        if not bpy.data.filepath:
-            _left.extend(map(paths.disk_path, _before[group]))
-    bring_tables(_before, folder)
+    _remember_home()
+    find_tables(_homes)
+    _before.update((group, table_paths(group)) for group in groups_with_tables())
+    if not bpy.data.filepath:
+        named = {Path(stored) for stored_paths in _before.values() for stored in stored_paths}
+        # Others that it names are those of a file which its materials were appended from.
+        _left.extend(sorted(table for table in named if table.parent == paths.table_folder()))
+    _made.extend(bring_tables(_before, paths.table_folder(file)))
 
 
 @persistent
 def after_saving(file: str, *_):
     """Remove what an unsaved file had in the user's folder; the copy of a file leaves the open one as it was."""
-    if not _before:
-        return
-    if bpy.data.filepath and Path(bpy.data.filepath) == Path(file):
-        folder = paths.table_folder(file)
-        for table in dict.fromkeys(_left):
-            if table.parent != folder and (folder / table.name).is_file():
-                table.unlink(missing_ok=True)
-    else:
+    if not bpy.data.filepath or Path(bpy.data.filepath) != Path(file):
         _put_back()
+        return
+    _remember_home()
     _before.clear()
+    folder = paths.table_folder(file)
+    for table in _left:
+        if (folder / table.name).is_file():
+            table.unlink(missing_ok=True)
 
 
 @persistent
 def after_saving_failed(*_):
-    """Put back the paths that were for the file which could not be written."""
+    """Put back the paths that were for the file which could not be written, and take its tables away."""
     _put_back()
+    take_back(_made)
 
 
 @persistent
 def after_opening(*_):
     """Save the maps of an older version, and find tables beside the file: it kept absolute paths, as files that were
     never saved do."""
+    _remember_home()
     drop_pointers()
-    find_tables()
+    find_tables(_homes)
 
 
 @persistent
 def after_importing(context, *_):
-    """Bring the tables of what was appended; what is linked finds them beside its own file."""
-    for item in context.import_items:
-        group = item.id
-        if isinstance(group, bpy.types.ShaderNodeTree) and group.library is None and table_paths(group):
-            library = item.source_library.filepath if item.source_library is not None else ""
-            if bpy.data.filepath:
-                bring_tables([group], paths.table_folder(bpy.data.filepath), library)
-            else:
-                change_paths(group, lambda stored, library=library: str(place(stored, library)))
+    """Find the tables of what was linked or appended; those of what was appended come along at once."""
+    sources = [item.source_library for item in context.import_items if item.source_library is not None]
+    find_tables([*_homes, *(paths.table_folder(bpy.path.abspath(source.filepath)) for source in sources)])
+    if bpy.data.filepath:
+        appended = [group for group in groups_with_tables() if group.library is None]
+        bring_tables(appended, paths.table_folder(bpy.data.filepath))
 
 
 def _handlers():
@@ -97,10 +100,13 @@ def _handlers():
     )
 
 
+def _remember_home():
+    if bpy.data.filepath:
+        _homes[paths.table_folder(bpy.data.filepath)] = None
+
+
 def _put_back():
     for group, stored in _before.items():
         names = iter(stored)
         change_paths(group, lambda _, names=names: next(names))
     _before.clear()
-
-

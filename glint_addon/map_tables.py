@@ -183,7 +183,7 @@ def is_missing(group) -> bool:
 def remembered_tables(group) -> list[Path]:
     """The table files that a group reads, wherever they should be; there or not."""
     stored = (group.get(name, "") for name in ("glint_table", "glint_index", "glint_counts"))
-    return [paths.disk_path(path, group.library) for path in stored if path]
+    return [paths.disk_path(path) for path in stored if path]
 
 
 def _plan(groups, folder) -> MapPlan:

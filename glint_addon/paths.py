@@ -26,8 +26,8 @@ def table_folder(blend_file: str = "") -> Path:
 def stored_path(file: Path) -> str:
     """How files keep the path of a table: relative to the open .blend file ("//glint_tables/...") if it lies beside it.
 
-    Blender itself resolves such paths when it renders, from the .blend file, or from the library that a node group is
-    linked from; links are left as they are. So folders can be moved, copied, mounted elsewhere and linked.
+    Blender itself resolves such paths when it renders; links are left as they are. So folders can be moved, copied and
+    mounted elsewhere. In groups that are linked from another file too it resolves them from the open file (5.2.3).
     """
     import bpy
 
@@ -36,11 +36,11 @@ def stored_path(file: Path) -> str:
     return str(file)
 
 
-def disk_path(stored: str, library=None) -> Path:
-    """Where the file with that `stored_path` is; library: the one that what keeps the path is linked from."""
+def disk_path(stored: str) -> Path:
+    """Where Blender looks for the file with that `stored_path`."""
     import bpy
 
-    return Path(bpy.path.abspath(stored, library=library))
+    return Path(bpy.path.abspath(stored))
 
 
 def user_folder() -> Path:

@@ -20,6 +20,7 @@ from .nodes.glint_lights import set_of
 from .nodes.script_node import osl_available
 from .shading_system import choose_shading_system, is_on
 from .table_budget import DEFAULT_BUDGET, fit_budget
+from .table_files import keep_tables
 from .uses import glint_uses, unknown_materials
 from .visibility import unseen_objects
 
@@ -96,6 +97,7 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
         _bound_work(lights.pop("visits"))
         report |= lights
         looks_for_lights = looks_for_lights or _looks_for_lights(report)
+    keep_tables()
     note = choose_shading_system(scene, is_needed=looks_for_lights)
     remember_preparation(scene)
     return report | {"osl": is_on(scene), "notes": report["notes"] + [note] * bool(note)}

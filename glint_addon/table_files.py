@@ -1,8 +1,12 @@
-"""Tables stay with their .blend file: saved elsewhere, or its materials appended to another, it still finds them.
+"""Tables stay with their .blend file: saved elsewhere, or its materials linked or appended to another, it finds them.
 
 Files keep the paths of tables relative to themselves (`paths.stored_path`), and Blender neither knows these files nor
 changes such paths. So whatever changes what the paths are relative to brings the tables along. Tables are never changed
 once they are written, so that a second name for one file (a hard link) is as good as a copy, and costs nothing.
+
+A path in a group that is linked from another file is relative to the open file too, when Cycles reads it: Blender
+first copies all groups into one tree of the open file. So tables of linked groups must be beside both files. While a
+file is open, linked groups too name them where they are; Blender does not save what is changed there.
 """
 
 from __future__ import annotations
@@ -18,28 +22,51 @@ from . import paths
 from .nodes import glint_bsdf, image_texture
 
 
-def bring_tables(groups, folder: Path, library: str = ""):
+def keep_tables():
+    """Let all groups find their tables, and have these beside the open file if it is saved."""
+    find_tables()
+    if bpy.data.filepath:
+        bring_tables(groups_with_tables(), paths.table_folder(bpy.data.filepath))
+
+
+def bring_tables(groups, folder: Path) -> list[Path]:
     """Have the tables of the node groups in `folder`, "glint_tables" beside a .blend file, and let the groups name them
     there.
 
-    library: the .blend file that their paths are relative to; "" for the open file. A table that cannot be brought is
-    named where it is.
+    A table that cannot be brought is named where it is. Returns what was made on disk, for `take_back`.
     """
+    made = []
     for group in groups:
-        change_paths(group, lambda stored: _brought(stored, folder, library))
+        change_paths(group, lambda stored: _brought(stored, folder, made))
+    if made == [folder]:
+        take_back(made)
+        return []
+    return made
 
 
-def find_tables(groups=None):
-    """Let node groups whose tables are gone, but lie beside the open file, name these; all local groups by default."""
-    if bpy.data.filepath:
-        folder = paths.table_folder(bpy.data.filepath)
-        for group in groups_with_tables() if groups is None else groups:
-            change_paths(group, lambda stored: _found(stored, folder))
+def take_back(made: list[Path]):
+    """Remove what `bring_tables` made; a folder only if nothing else is in it."""
+    for path in reversed(made):
+        if not path.is_dir():
+            path.unlink(missing_ok=True)
+        elif not any(path.iterdir()):
+            path.rmdir()
+
+
+def find_tables(elsewhere=()):
+    """Let node groups whose tables are gone name them beside the open file, or where else they are.
+
+    Looked at are the file that the open one is a link to, those that groups are linked from, or were before they were
+    made local, and the folders `elsewhere`. A table's name tells its contents: any of that name will do.
+    """
+    folders = dict.fromkeys([*_neighbours(), *elsewhere])
+    for group in groups_with_tables():
+        change_paths(group, lambda stored: _found(stored, folders))
 
 
 def groups_with_tables() -> list:
-    """Local node groups that name tables."""
-    return [group for group in bpy.data.node_groups if group.library is None and table_paths(group)]
+    """Node groups that name tables, linked ones too."""
+    return [group for group in bpy.data.node_groups if table_paths(group)]
 
 
 def table_paths(group) -> list[str]:
@@ -55,32 +82,49 @@ def change_paths(group, change):
         kind.change_paths(group, change)
 
 
-def place(stored: str, library: str) -> Path:
-    """Where a path leads that is relative to the file `library`, "" for the open one."""
-    if library and stored.startswith("//"):
-        return Path(bpy.path.abspath(stored, start=str(Path(bpy.path.abspath(library)).parent)))
-    return paths.disk_path(stored)
+def _neighbours() -> list[Path]:
+    """Folders where tables of the open file may be: its own first."""
+    files = [bpy.data.filepath, os.path.realpath(bpy.data.filepath)] if bpy.data.filepath else []
+    files += [bpy.path.abspath(library.filepath) for library in bpy.data.libraries]
+    return [paths.table_folder(file) for file in files]
 
 
-def _brought(stored, folder, library) -> str:
+def _brought(stored, folder, made) -> str:
     """The path to name for a table that is to be in `folder`."""
-    source, target = place(stored, library), folder / Path(stored).name
+    source, target = paths.disk_path(stored), folder / _name(stored)
     beside = f"//{folder.name}/{target.name}"
-    if source == target or target.is_file() or not source.is_file():
-        return beside if target.is_file() or stored.startswith("//") and not library else stored
+    if source == target or not _is_file(source):
+        return beside if _is_file(target) else stored
+    if _is_file(target) and target.stat().st_size == source.stat().st_size:
+        return beside
     try:
-        folder.mkdir(exist_ok=True)
+        if not folder.exists():
+            folder.mkdir()
+            made.append(folder)
+        is_new = not target.exists()
         _duplicate(source, target)
     except OSError:  # a full disk, a folder that may not be written to: there it is still found on this machine
         return str(source)
+    made += [target] * is_new
     return beside
 
 
-def _found(stored, folder) -> str:
-    beside = folder / Path(stored.replace("\\", "/")).name
-    if paths.disk_path(stored).is_file() or not beside.is_file():
+def _found(stored, folders) -> str:
+    """The path to name for a table that may be gone from where it was."""
+    if _is_file(paths.disk_path(stored)):
         return stored
-    return paths.stored_path(beside)
+    there = [folder / _name(stored) for folder in folders if _is_file(folder / _name(stored))]
+    return paths.stored_path(there[0]) if there else stored
+
+
+def _name(stored) -> str:
+    """Name of a table's file; its path may be of another system."""
+    return stored.replace("\\", "/").rpartition("/")[2]
+
+
+def _is_file(path) -> bool:
+    """Whether a file is there and may be seen."""
+    return os.path.isfile(path)  # noqa: PTH113  (pathlib raises PermissionError for a folder that is shut)
 
 
 def _duplicate(source: Path, target: Path):
@@ -88,7 +132,7 @@ def _duplicate(source: Path, target: Path):
     temporary = target.with_name(f".{target.stem}_{uuid4().hex}{target.suffix}")
     try:
         try:
-            os.link(source, temporary)
+            os.link(source.resolve(), temporary)
         except OSError:  # another disk, or one that has no links
             shutil.copyfile(source, temporary)
         temporary.replace(target)

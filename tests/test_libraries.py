@@ -184,14 +184,15 @@ BRINGS = [square_in_an_instance, material, overridden_material, overridden_squar
 
 @pytest.mark.parametrize("bring", BRINGS)
 def test_glints_of_a_library_find_the_lights_of_this_scene(farm, bring, tmp_path):
-    """Nothing of the library changes, and its tables are read where it has them."""
+    """Nothing of the library changes, and its tables are beside both files: Blender looks for them beside this one."""
     make_library(tmp_path, prepared=True)
     shot = make_shot(tmp_path, own_glints=False)
     shot.scene.collection.children.link(linked("collections", "Lamps"))
     bring(shot.scene)
     report = prepare_scene(shot.scene)
     assert report["hints"] == list(LAMPS) and report["warnings"] == []
-    assert report["osl"] and not (shot.folder / "glint_tables").exists()
+    tables = {file.name for file in (tmp_path / "assets" / "glint_tables").iterdir()}
+    assert report["osl"] and {file.name for file in (shot.folder / "glint_tables").iterdir()} == tables
     for slot, name in enumerate(LAMPS, 1):
         place = Vector(slot_values(slot, of_library=True)[0])
         assert (place - place_of(shot.scene.objects[name])).length < PLACE_TOLERANCE

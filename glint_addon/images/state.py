@@ -18,7 +18,7 @@ def image_stamp(image: bpy.types.Image) -> str:
         state = path.stat()
     except OSError:
         return ""
-    return f"{path}|{state.st_mtime_ns}|{state.st_size}"
+    return f"{path.name}|{state.st_mtime_ns}|{state.st_size}"
 
 
 def image_state(image: bpy.types.Image) -> str:

@@ -57,12 +57,17 @@ class Farm:
         self._stack.close()
 
     def rendered(self, folder, frame=1):
-        """Save the open file as `folder`/scene.blend and render a frame of it on the farm: (height, width, 3) float32.
+        """Save the open file as `folder`/scene.blend and render a frame of it on the farm (see `picture_of`)."""
+        blend = folder / "scene.blend"
+        bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+        return self.picture_of(blend, frame)
+
+    def picture_of(self, blend, frame=1):
+        """A frame of a saved file, rendered on the farm: (height, width, 3) float32.
 
         Raises AssertionError with the farm's error.
         """
-        blend, picture = folder / "scene.blend", folder / "alone.exr"
-        bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+        picture = blend.with_name("alone.exr")
         process = self._process or self._started()
         print(json.dumps([str(blend), str(picture), frame]), file=process.stdin, flush=True)
         answer = process.stdout.readline()
