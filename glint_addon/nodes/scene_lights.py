@@ -33,11 +33,14 @@ def lights_entry(scene, number: int, slot: int, part: int) -> Entry:
 
 
 def own_holder(scene, number: int):
-    """Give `scene` a place for set `number`. Lights of a scene that it was copied from stay with that one."""
+    """Give `scene` a place for set `number`. What it shares with a scene that it is a copy of becomes its own."""
     holder = scene.get(HOLDER)
     if holder is None or holder.library is not None or _is_shared(holder, scene):
-        holder = bpy.data.node_groups.new(f".Glint Lights of {scene.name}", "ShaderNodeTree")
-        scene[HOLDER] = holder
+        name = f".Glint Lights of {scene.name}"
+        # All sets: the scene's other materials, or those of the other scene, still read them.
+        own = bpy.data.node_groups.new(name, "ShaderNodeTree") if holder is None else holder.copy()
+        own.name = name
+        scene[HOLDER] = holder = own
     if _key(number) not in holder:
         holder[_key(number)] = [0.0] * (HINT_COUNT * PARTS)
         # Drivers that looked for the array in vain look again only when Blender orders all drivers anew.
