@@ -18,7 +18,7 @@ from .material import glint_groups
 from .material_lights import material_choices, material_families
 from .nodes import glint_lights
 from .nodes.glint_bsdf import LIGHTS_NODE, group_binding, is_glint_group, lights_of
-from .nodes.scene_lights import copy_set, drop_other_sets, has_set
+from .nodes.scene_lights import HOLDER, copy_set, drop_other_sets, has_set
 from .worn import worn_materials
 
 
@@ -157,5 +157,19 @@ def _foreign_groups(scene, families) -> set:
 
 
 def _materials(scene) -> set:
-    layers = [layer for layer in scene.view_layers if layer.use and layer.depsgraph is not None]
-    return {material for thing in scene.objects for material in worn_materials(thing, layers)}
+    """All that a scene shows, in its collection instances too; only of a prepared scene does the answer matter."""
+    layers = [layer for layer in scene.view_layers if layer.use]
+    for layer in layers:
+        if layer.depsgraph is None and scene.get(HOLDER) is not None:
+            layer.update()  # a scene that was never shown since its file was opened
+    layers = [layer for layer in layers if layer.depsgraph is not None]
+    return {material for thing in _shown(scene.objects, set()) for material in worn_materials(thing, layers)}
+
+
+def _shown(objects, seen: set):
+    for thing in objects:
+        yield thing
+        collection = thing.instance_collection
+        if collection is not None and collection not in seen:
+            seen.add(collection)
+            yield from _shown(collection.all_objects, seen)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from .lights.animation import is_animated
 from .lights.hints import rendered_objects
 from .material import glint_groups
-from .worn import hides_materials, worn_materials
+from .worn import hidden_materials, worn_materials
 
 
 def glint_uses(scene, *, update: bool = True) -> dict:
@@ -36,10 +36,11 @@ def render_layers(scene) -> list:
 
 
 def unknown_materials(scene) -> list[str]:
-    """Names of the rendered objects whose materials cannot be found: geometry nodes set them, in renders alone."""
+    """Names of the rendered objects that may show glints which cannot be found: geometry nodes set them, in renders
+    alone."""
     layers = render_layers(scene)
-    return sorted(thing.name for thing in rendered_objects(layers)
-                  if not thing.hide_render and hides_materials(thing, layers))
+    hidden = hidden_materials(_rendered(rendered_objects(layers), set()), layers)
+    return sorted(thing.name for thing, materials in hidden.items() if any(map(glint_groups, materials)))
 
 
 def _rendered(objects, seen: set):

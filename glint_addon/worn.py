@@ -19,14 +19,35 @@ def worn_materials(thing, layers) -> list[bpy.types.Material]:
     return [material for material in dict.fromkeys(found) if material is not None]
 
 
-def hides_materials(thing, layers) -> bool:
-    """Whether geometry nodes may give `thing` materials that cannot be found, because only renders evaluate them."""
-    nodes = [modifier for modifier in thing.modifiers if modifier.type == "NODES" and modifier.show_render
-             and _sets_materials(modifier.node_group, set())]
-    if not nodes:
-        return False
+def hidden_materials(things, layers) -> dict:
+    """{object: materials} that geometry nodes may give to objects of `things`, besides those that are worn: it cannot
+    be told, because only renders evaluate the object or the modifier.
+    """
+    hidden = [thing for thing in things if _hides_nodes(thing, layers)]
+    used = {}
+    for block, users in (bpy.data.user_map() if hidden else {}).items():
+        for user in users:
+            used.setdefault(user, set()).add(block)
+    return {thing: _reached(used.get(thing, set()) - {thing.parent}, used) - set(worn_materials(thing, layers))
+            for thing in hidden}
+
+
+def _hides_nodes(thing, layers) -> bool:
+    """Whether geometry nodes change `thing` in renders that do not in the view layers."""
+    shown = [modifier.show_viewport for modifier in thing.modifiers
+             if modifier.type == "NODES" and modifier.show_render and modifier.node_group is not None]
     is_evaluated = any(thing.evaluated_get(layer.depsgraph).is_evaluated for layer in layers)
-    return not is_evaluated or not all(modifier.show_viewport for modifier in nodes)
+    return bool(shown) and not (is_evaluated and all(shown))
+
+
+def _reached(blocks, used) -> set:
+    """The materials among data-blocks and all that these use; used: {data-block: what it uses}."""
+    seen, coming = set(), set(blocks)
+    while coming:
+        seen |= coming
+        inner = [used.get(block, set()) for block in coming if not isinstance(block, bpy.types.Material)]
+        coming = set().union(*inner) - seen
+    return {block for block in seen if isinstance(block, bpy.types.Material)}
 
 
 def _has_nodes(thing) -> bool:
@@ -42,13 +63,8 @@ def _materials(geometry) -> list:
             found += _materials(reference)
             continue
         things = [reference] if isinstance(reference, bpy.types.Object) else reference.all_objects
-        found += [slot.material.original for thing in things for slot in thing.material_slots if slot.material]
+        for thing in things:
+            found += [slot.material.original for slot in thing.material_slots if slot.material]
+            if _has_nodes(thing) and thing.is_evaluated:
+                found += _materials(thing.evaluated_geometry())
     return found
-
-
-def _sets_materials(tree, seen: set) -> bool:
-    if tree is None or tree in seen:
-        return False
-    seen.add(tree)
-    return any(node.bl_idname == "GeometryNodeSetMaterial" or _sets_materials(getattr(node, "node_tree", None), seen)
-               for node in tree.nodes)
