@@ -52,7 +52,7 @@ def group_of(plane, slot=0):
 
 def shown_table(group):
     """The file that the shader's socket names."""
-    return str(disk_path(group.nodes[glint_bsdf.SCRIPT_NODE].inputs["Table"].default_value, group.library))
+    return str(disk_path(group.nodes[glint_bsdf.SCRIPT_NODE].inputs["Table"].default_value))
 
 
 def plain(value):
@@ -329,6 +329,7 @@ def test_glints_linked_from_another_file_keep_their_tables_and_find_the_lights_o
     table = shown_table(group_of(guest))
     report = prepare_scene(scene)
     assert len(report["reused"]) == 1 and not report["baked"] and shown_table(group_of(guest)) == table
+    assert Path(table).is_file() and Path(table).parent == tmp_path / TABLE_FOLDER_NAME  # where Blender looks for it
     assert report["warnings"] == [] and len(report["hints_by_material"]) == 2
 
 
