@@ -13,7 +13,7 @@ from tests.helpers.stress_stage import add_lamp, add_square
 from tests.test_scene_lights import another_scene, assert_finds
 
 SIZE = (12, 12)  # pixels
-TRUTH_SPP = 512
+TRUTH_SPP = 128
 FALL = 3.0  # of the error, by hints; it is more than ten with the same samples
 
 
