@@ -186,7 +186,7 @@ def refresh(group):
     is_outdated = group[STAMP] != VERSION or (osl_available() and group.nodes.get(SCRIPT_NODE) is None)
     if is_outdated:
         group.nodes.clear()
-        _add_sockets(group)
+        _give_defaults(group, _add_sockets(group))
         _add_nodes(group, binding)
         arrange(group)
         for name in OLD_PROPERTIES:
@@ -281,16 +281,28 @@ def _node(group, name):
     return node
 
 
-def _add_sockets(group):
-    """The sockets that the group lacks; a new group lacks all."""
+def _add_sockets(group) -> list[str]:
+    """Add the sockets that the group lacks, a new group all; returns the names of these inputs."""
     present = {item.name for item in group.interface.items_tree}
     if "BSDF" not in present:
         add_output(group, "BSDF", "NodeSocketShader")
+    added = [name for name, *_ in SOCKETS if name not in present]
     for name, kind, settings in SOCKETS:
-        if name not in present:
+        if name in added:
             add_input(group, name, kind, **settings)
     # Without a value to show, a socket that is not connected gives textures their own coordinates: the UV map.
     group.interface.items_tree["Vector"].hide_value = True
+    return added
+
+
+def _give_defaults(group, names):
+    """Let all nodes that use the group have the defaults of inputs that were added: Blender leaves them at 0."""
+    defaults = {name: group.interface.items_tree[name].default_value for name in names}
+    trees = [material.node_tree for material in bpy.data.materials] + list(bpy.data.node_groups)
+    for node in (node for tree in trees if tree is not None and tree.library is None for node in tree.nodes):
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree == group:
+            for name, value in defaults.items():
+                node.inputs[name].default_value = value
 
 
 def _add_nodes(group, binding):
