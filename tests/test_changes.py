@@ -1,4 +1,4 @@
-"""What changed since a scene was prepared: each kind is one sentence, until it is prepared again, and no more is said."""
+"""What changed since a scene was prepared: each kind is a sentence until it is prepared again; no more is said."""
 
 import json
 

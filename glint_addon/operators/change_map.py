@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..nodes.builder import COLUMN_WIDTH
 from .failing_softly import FailsSoftly
 from .map_settings import MapSettings, check_uv_map
 
@@ -92,7 +93,16 @@ def glint_nodes(material) -> list:
 
 
 def follow_uv_map(node, uv_map: str):
-    """Let the UV Map node that feeds `node`, if there is one, read the UV map of the tangents."""
-    for link in node.inputs["Vector"].links:
+    """Let the UV Map node that feeds `node`, if there is one, read the UV map of the tangents.
+
+    Where nothing is connected it is the active one; another needs a node.
+    """
+    vector = node.inputs["Vector"]
+    if uv_map and not vector.is_linked:
+        tree = node.id_data
+        coordinates = tree.nodes.new("ShaderNodeUVMap")
+        coordinates.location = node.location.x - COLUMN_WIDTH, node.location.y
+        tree.links.new(coordinates.outputs["UV"], vector)
+    for link in vector.links:
         if link.from_node.bl_idname == "ShaderNodeUVMap":
             link.from_node.uv_map = uv_map
