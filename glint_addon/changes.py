@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+
+import bpy
 
 from .bake.float_image import is_whole
 from .errors import GlintError
-from .images import image_state
+from .images import file_digest, image_path, image_state
 from .lights.animation import is_animated
 from .lights.emitters import reason_here as reason_here_mesh
 from .lights.emitters import reason_to_skip as reason_to_skip_mesh
@@ -39,7 +42,11 @@ NODE_SETTINGS = {"location", "location_absolute", "width", "height", "select", "
 
 def remember_preparation(scene):
     """Keep what `scene` is prepared from, at the end of its preparation."""
-    scene[PREPARED] = json.dumps(_facts(scene, glint_uses(scene, update=False)))
+    uses = glint_uses(scene, update=False)
+    facts = _facts(scene, uses)
+    # Copied or moved elsewhere a file is new to the file system, though it holds what it did.
+    scene[PREPARED] = json.dumps(facts | {"digests": {map_of(group).name_full: file_digest(map_of(group))
+                                                      for group in uses}})
 
 
 def is_prepared(scene) -> bool:
@@ -62,7 +69,7 @@ def changes_since_prepared(scene) -> list[str]:
     if before["version"] != VERSION:
         return [OTHER_VERSION]
     return (_foreign_lights(scene) + _changed_lights(before["lights"], now["lights"])
-            + _changed_materials(before["materials"], now["materials"])
+            + _changed_materials(before["materials"], now["materials"], before["digests"])
             + _changed_objects(before["objects"], now["objects"])
             + _changed_settings(before["settings"], now["settings"]) + _lost_tables(uses))
 
@@ -196,9 +203,14 @@ def _group(group) -> list[str]:
     try:
         binding = group_binding(group)
     except GlintError as error:
-        return [image.name_full, image_state(image), str(error), "", "", "", ""]
-    return [image.name_full, image_state(image), binding.interpolation, binding.convention, binding.distribution,
+        return [image.name_full, _state(image), str(error), "", "", "", ""]
+    return [image.name_full, _state(image), binding.interpolation, binding.convention, binding.distribution,
             binding.uv_map, binding.extension]
+
+
+def _state(image) -> str:
+    """What an image holds, wherever its folder is."""
+    return image_state(image).removeprefix(f"{image_path(image).parent}{os.sep}")
 
 
 def _values(material, group) -> str:
@@ -210,23 +222,24 @@ def _values(material, group) -> str:
     return " ".join("" if socket.is_linked else f"{socket.default_value:.2g}" for socket in sockets)
 
 
-def _changed_materials(before, now) -> list[str]:
+def _changed_materials(before, now, digests) -> list[str]:
     sentences = [f'Material "{name}" shows glints now.' for name in now if name not in before]
     for name in sorted(now.keys() & before.keys()):
         if len(now[name]) != len(before[name]):
             sentences.append(f'Material "{name}" has {len(now[name])} Glint BSDFs now, not {len(before[name])}.')
             continue
         for one, other in zip(now[name], before[name], strict=True):
-            sentences += _changed_group(name, one, other)
+            sentences += _changed_group(name, one, other, digests)
     return sorted(dict.fromkeys(sentences))
 
 
-def _changed_group(name, now, before) -> list[str]:
+def _changed_group(name, now, before, digests) -> list[str]:
     image, state, *reading, values = now
     old_image, old_state, *old_reading, old_values = before
     if image != old_image:
         return [f'Material "{name}" reads the map "{image}" now, not "{old_image}".']
-    sentences = [f'The pixels of the map "{image}" changed.'] if state != old_state else []
+    is_same = state == old_state or digests[image] != "" and _digest_now(image) == digests[image]
+    sentences = [] if is_same else [f'The pixels of the map "{image}" changed.']
     for word, new, old in zip(BINDING_WORDS, reading, old_reading, strict=True):
         if new != old:
             sentences.append(f'{word} of the map of "{name}" is {new or "the active one"} now, not '
@@ -234,6 +247,10 @@ def _changed_group(name, now, before) -> list[str]:
     if values != old_values:
         sentences.append(f'Roughness or Strength of "{name}" changed.')
     return sentences
+
+
+def _digest_now(image: str) -> str:
+    return next((file_digest(each) for each in bpy.data.images if each.name_full == image), "")
 
 
 def _changed_objects(before, now) -> list[str]:

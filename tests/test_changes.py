@@ -1,6 +1,8 @@
 """What changed since a scene was prepared: each kind is a sentence until it is prepared again; no more is said."""
 
 import json
+import os
+import shutil
 
 import bpy
 import numpy as np
@@ -30,6 +32,7 @@ def prepared(scene, folder):
     """A square of flakes under a sun and a lamp, in a saved file, prepared."""
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
     material = create_glint_material("Sparkle", write_flake_map(folder / "flakes.png", SIDE), interpolation="CLOSEST")
+    map_of(glint_groups(material)[0]).filepath = "//flakes.png"
     cycles.add_plane(scene, material=material, repeats=8.0).name = "Square"
     cycles.add_sun(scene, (0.1, 0.2, 1), angle=0.01)
     add_lamp(scene, "Lamp")
@@ -318,6 +321,24 @@ def a_slightly_larger_picture(scene, folder):
     scene.render.resolution_percentage = 150
 
 
+def its_folder_moved(scene, folder):
+    bpy.ops.wm.save_mainfile()
+    (folder / "elsewhere").mkdir()
+    for name in ("flakes.png", TABLE_FOLDER_NAME):
+        (folder / name).rename(folder / "elsewhere" / name)
+    (folder / "scene.blend").rename(folder / "elsewhere" / "scene.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "elsewhere" / "scene.blend"))
+
+
+def its_folder_copied(scene, folder):
+    """As people copy: the copies are younger."""
+    bpy.ops.wm.save_mainfile()
+    shutil.copytree(folder, folder / "copy", copy_function=shutil.copyfile)
+    shutil.rmtree(folder / TABLE_FOLDER_NAME)
+    os.utime(folder / "copy" / "flakes.png", (1, 1))
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "copy" / "scene.blend"))
+
+
 def the_file_saved_again(scene, folder):
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
@@ -325,7 +346,7 @@ def the_file_saved_again(scene, folder):
 
 @pytest.mark.parametrize("change", [
     a_light_that_moves, a_light_that_grows, another_frame, another_name_of_the_scene, another_colour, a_plain_object,
-    other_samples, a_slightly_larger_picture, the_file_saved_again,
+    other_samples, a_slightly_larger_picture, its_folder_moved, its_folder_copied, the_file_saved_again,
 ])
 def test_nothing_is_told_of_what_does_no_harm(prepared, folder, change):
     change(prepared, folder)

@@ -2,13 +2,15 @@
 
 from .data_copies import data_image, follow, is_data_copy, remove_unused_copies
 from .normal_map import normal_map_image
-from .pixels import USABLE_SOURCES, image_pixels, image_shape, is_layered, layer_pixels, read_pixels
-from .state import image_stamp, image_state
+from .pixels import USABLE_SOURCES, image_path, image_pixels, image_shape, is_layered, layer_pixels, read_pixels
+from .state import file_digest, image_stamp, image_state
 
 __all__ = (
     "USABLE_SOURCES",
     "data_image",
+    "file_digest",
     "follow",
+    "image_path",
     "image_pixels",
     "image_shape",
     "image_stamp",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+from functools import lru_cache
+from pathlib import Path
 
 import bpy
 
@@ -32,6 +34,20 @@ def image_state(image: bpy.types.Image) -> str:
     if image.packed_file is not None:
         return f"packed|{_digest(image.packed_file.data)}"
     return image_stamp(image)
+
+
+def file_digest(image: bpy.types.Image) -> str:
+    """A digest of the file of `image`, the same wherever and whenever it was copied to; "" if it is no clean file."""
+    return _file_digest(image_stamp(image))
+
+
+@lru_cache(maxsize=256)
+def _file_digest(stamp: str) -> str:
+    path = stamp.rsplit("|", 2)[0]
+    try:
+        return _digest(Path(path).read_bytes()) if stamp else ""
+    except OSError:  # gone since its stamp was taken
+        return ""
 
 
 def is_unsaved(image: bpy.types.Image) -> bool:
