@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 
 from demo_scenes import measure
+from glint_addon.map_tables import remembered_tables
 from glint_addon.prepare import scene_glint_groups
 
 from . import cost, methods, suite
@@ -81,9 +81,8 @@ def nodes_osl_microseconds(name) -> float:
 
 def table_bytes(scene) -> int:
     """Bytes of the files of all glint tables of the scene; 0 for Blender's nodes."""
-    keys = "glint_table", "glint_counts", "glint_index"
-    names = {group.get(key, "") for group in scene_glint_groups(scene) for key in keys}
-    return sum(Path(name).stat().st_size for name in names if name)
+    files = {file for group in scene_glint_groups(scene) for file in remembered_tables(group)}
+    return sum(file.stat().st_size for file in files)
 
 
 def store(name, result, file=FILE):

@@ -293,11 +293,6 @@ def bent_coordinates(scene, plane):
     tree.links.new(noise.outputs["Color"], surface_node(plane).inputs["Vector"])
 
 
-def no_coordinates(scene, plane):
-    (link,) = surface_node(plane).inputs["Vector"].links
-    plane.material_slots[0].material.node_tree.links.remove(link)
-
-
 def inside_a_group(scene, plane):
     tree = plane.material_slots[0].material.node_tree
     wrapper = bpy.data.node_groups.new("Wrapper", "ShaderNodeTree")
@@ -310,13 +305,21 @@ def inside_a_group(scene, plane):
     [panorama, no_camera, stereo, driven_camera, camera_in_a_strip, zooming_camera, moving_object, growing_object,
      changing_mesh, constraint, changing_samples, instancer,
      waves, displacement, no_uv_map, degenerate_uvs, flattened, object_coordinates, linked_scale, animated_nodes,
-     bent_coordinates, no_coordinates, inside_a_group],
+     bent_coordinates, inside_a_group],
 )
 def test_in_doubt_the_range_is_everything(scene, material, change):
     plane = cycles.add_plane(scene, material=material)
     assert judged(scene, plane) != EVERYTHING
     change(scene, plane)
     assert judged(scene, plane) == EVERYTHING
+
+
+def test_without_coordinates_it_is_that_of_the_uv_map(scene, material):
+    plane = cycles.add_plane(scene, material=material)
+    expected = judged(scene, plane)
+    (link,) = surface_node(plane).inputs["Vector"].links
+    material.node_tree.links.remove(link)
+    assert judged(scene, plane) == expected != EVERYTHING
 
 
 def keyed(thing, path, *keys):

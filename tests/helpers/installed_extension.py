@@ -66,7 +66,7 @@ def use(flake_map: str, blend: str) -> dict:
     addon = sys.modules[f"{MODULE}.glint_addon"]
     return {
         "material": bpy.context.object.active_material.name,
-        "osl": state.osl,
+        "osl": bpy.context.scene.cycles.shading_system,
         "baked": baked,
         "baked_again": addon.prepare_scene(bpy.context.scene)["baked"],
         "brightness": brightness(blend.replace(".blend", ".exr")),

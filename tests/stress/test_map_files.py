@@ -12,6 +12,7 @@ import pytest
 import glint_addon
 from demo_scenes import maps
 from demo_scenes.truth import truth_material
+from glint_addon.errors import MapError
 from glint_addon.material import is_glint_material
 from tests.helpers import cycles
 from tests.helpers.stress import compare
@@ -92,7 +93,9 @@ def test_half_transparent_map(stress_record, tmp_path, alpha_mode):
 def test_map_with_nothing_but_alpha(stress_record, tmp_path):
     rgba = np.zeros((8, 8, 4))
     rgba[..., 3] = np.random.default_rng(1).random((8, 8))
-    compare(stress_record, stage, normal_map=lambda: loaded(write(tmp_path / "map.png", rgba)), lit=False)
+    with pytest.raises(MapError, match="no pixel that faces up") as error:
+        glint_addon.create_glint_material("Glint", loaded(write(tmp_path / "map.png", rgba)))
+    stress_record(outcome=f"refused: {error.value}")
 
 
 @pytest.mark.parametrize("way", ["packed", "relative path"])
