@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 
 import bpy
 
 from .bake.float_image import is_whole
 from .errors import GlintError
-from .images import file_digest, image_path, image_state
+from .images import file_digest, image_state
 from .lights.animation import is_animated
 from .lights.emitters import reason_here as reason_here_mesh
 from .lights.emitters import reason_to_skip as reason_to_skip_mesh
@@ -203,14 +202,9 @@ def _group(group) -> list[str]:
     try:
         binding = group_binding(group)
     except GlintError as error:
-        return [image.name_full, _state(image), str(error), "", "", "", ""]
-    return [image.name_full, _state(image), binding.interpolation, binding.convention, binding.distribution,
+        return [image.name_full, image_state(image), str(error), "", "", "", ""]
+    return [image.name_full, image_state(image), binding.interpolation, binding.convention, binding.distribution,
             binding.uv_map, binding.extension]
-
-
-def _state(image) -> str:
-    """What an image holds, wherever its folder is."""
-    return image_state(image).removeprefix(f"{image_path(image).parent}{os.sep}")
 
 
 def _values(material, group) -> str:

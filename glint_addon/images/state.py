@@ -38,14 +38,14 @@ def image_state(image: bpy.types.Image) -> str:
 
 def file_digest(image: bpy.types.Image) -> str:
     """A digest of the file of `image`, the same wherever and whenever it was copied to; "" if it is no clean file."""
-    return _file_digest(image_stamp(image))
+    stamp = image_stamp(image)
+    return _file_digest(image_path(image), stamp) if stamp else ""
 
 
 @lru_cache(maxsize=256)
-def _file_digest(stamp: str) -> str:
-    path = stamp.rsplit("|", 2)[0]
+def _file_digest(path: Path, _stamp: str) -> str:
     try:
-        return _digest(Path(path).read_bytes()) if stamp else ""
+        return _digest(path.read_bytes())
     except OSError:  # gone since its stamp was taken
         return ""
 
