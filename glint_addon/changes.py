@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from pathlib import Path
 
 import bpy
 
@@ -24,12 +25,13 @@ from .lights.instances import rendered_members
 from .lights.lamps import reason_here, reason_to_skip
 from .map_tables import remembered_tables
 from .nodes.glint_bsdf import VERSION, group_binding, map_of
-from .nodes.scene_lights import followed_objects
+from .nodes.scene_lights import followed_objects, held_sets
 from .nodes.script_node import osl_available
 from .uses import glint_uses, render_layers
 
-PREPARED = "glint_prepared"  # property of a scene: its facts when it was prepared, as JSON
+PREPARED = "glint_prepared"  # property of a scene: digest and JSON of its facts when it was prepared
 NOT_PREPARED = "This scene was not prepared yet."
+UNREADABLE = "What Glint noted of this scene's preparation is damaged."
 OTHER_VERSION = "This scene was prepared by another version of Glint."
 # Footprints have a margin for so much more or less resolution (`footprints.MARGIN`).
 LARGEST_ZOOM = 2.0
@@ -42,10 +44,10 @@ NODE_SETTINGS = {"location", "location_absolute", "width", "height", "select", "
 def remember_preparation(scene):
     """Keep what `scene` is prepared from, at the end of its preparation."""
     uses = glint_uses(scene, update=False)
-    facts = _facts(scene, uses)
     # Copied or moved elsewhere a file is new to the file system, though it holds what it did.
-    scene[PREPARED] = json.dumps(facts | {"digests": {map_of(group).name_full: file_digest(map_of(group))
-                                                      for group in uses}})
+    digests = {map_of(group).name_full: file_digest(map_of(group)) for group in uses}
+    text = json.dumps(_facts(scene, uses) | {"digests": digests})
+    scene[PREPARED] = f"{_digest(text)} {text}"
 
 
 def is_prepared(scene) -> bool:
@@ -62,15 +64,37 @@ def changes_since_prepared(scene) -> list[str]:
     uses = glint_uses(scene, update=False)
     if not uses or not hasattr(scene, "cycles"):
         return []
+    if scene.library is not None:  # what is said of it must be done in its own file
+        return _lost_tables(uses)
     if PREPARED not in scene:
-        return [NOT_PREPARED]
-    before, now = json.loads(scene[PREPARED]), _facts(scene, uses)
+        return [OTHER_VERSION if _has_report(scene) else NOT_PREPARED]
+    before, now = _remembered(scene), _facts(scene, uses)
+    if before is None:
+        return [UNREADABLE]
     if before["version"] != VERSION:
         return [OTHER_VERSION]
-    return (_foreign_lights(scene) + _changed_lights(before["lights"], now["lights"])
+    return (_lost_lights(before["sets"], now["sets"]) + _foreign_lights(scene)
+            + _changed_lights(before["lights"], now["lights"])
             + _changed_materials(before["materials"], now["materials"], before["digests"])
             + _changed_objects(before["objects"], now["objects"])
             + _changed_settings(before["settings"], now["settings"]) + _lost_tables(uses))
+
+
+def _remembered(scene) -> dict | None:
+    """The facts that `scene` was prepared from; None if they are not as they were written."""
+    stored = scene[PREPARED]
+    digest, _, text = stored.partition(" ") if isinstance(stored, str) else ("", "", "")
+    return json.loads(text) if text and digest == _digest(text) else None
+
+
+def _has_report(scene) -> bool:
+    """Whether the panel shows what a preparation found: before version 10 these left nothing else."""
+    state = getattr(scene, "glint", None)
+    return state is not None and state.prepared and any((state.hints, state.skipped_lights, state.tables))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _facts(scene, uses) -> dict:
@@ -82,6 +106,7 @@ def _facts(scene, uses) -> dict:
     return {
         "version": VERSION,
         "lights": _lights(scene),
+        "sets": held_sets(scene),
         "materials": _materials(uses),
         "objects": {name: sorted(materials) for name, materials in objects.items()},
         "settings": _settings(scene),
@@ -177,6 +202,10 @@ def _changed_lights(before, now) -> list[str]:
     return sorted(sentences)
 
 
+def _lost_lights(before, now) -> list[str]:
+    return ["What glints look for in this scene was deleted."] if set(before) - set(now) else []
+
+
 def _foreign_lights(scene) -> list[str]:
     """What is looked for in another scene: this one is a copy of that."""
     own = set(scene.objects)
@@ -189,7 +218,8 @@ def _foreign_lights(scene) -> list[str]:
 
 
 def _materials(uses) -> dict[str, list]:
-    """Of each material its groups: [name of the map, its state, how it is read..., roughness and strength]."""
+    """Of each material its groups: [name of the map, its state, how it is read..., roughness and strength]; where it
+    cannot be read, the first word of five says why, and the others are empty."""
     found = {}
     for group, pairs in uses.items():
         for material in dict.fromkeys(material for _, material in pairs):
@@ -205,6 +235,10 @@ def _group(group) -> list[str]:
         return [image.name_full, image_state(image), str(error), "", "", "", ""]
     return [image.name_full, image_state(image), binding.interpolation, binding.convention, binding.distribution,
             binding.uv_map, binding.extension]
+
+
+def _changed_pixels(name, state) -> str:
+    return f'The pixels of the map "{name}" changed.' if state else f'The file of the map "{name}" is gone.'
 
 
 def _values(material, group) -> str:
@@ -233,7 +267,9 @@ def _changed_group(name, now, before, digests) -> list[str]:
     if image != old_image:
         return [f'Material "{name}" reads the map "{image}" now, not "{old_image}".']
     is_same = state == old_state or digests[image] != "" and _digest_now(image) == digests[image]
-    sentences = [] if is_same else [f'The pixels of the map "{image}" changed.']
+    sentences = [] if is_same else [_changed_pixels(image, state)]
+    if reading != old_reading and not all(any(words[1:]) for words in (reading, old_reading)):
+        return [*sentences, f'The map of "{name}" can be read again.' if any(reading[1:]) else reading[0]]
     for word, new, old in zip(BINDING_WORDS, reading, old_reading, strict=True):
         if new != old:
             sentences.append(f'{word} of the map of "{name}" is {new or "the active one"} now, not '
@@ -268,10 +304,15 @@ def _lost_tables(uses) -> list[str]:
     return list(dict.fromkeys(sentences))
 
 
+def table_states(scene) -> dict[Path, str]:
+    """The files of the scene's tables, and what is wrong with each: "", "gone" or "damaged"."""
+    tables = sorted({table for group in glint_uses(scene, update=False) for table in remembered_tables(group)})
+    return {table: "" if is_whole(table) else "damaged" if table.is_file() else "gone" for table in tables}
+
+
 def damaged_tables(scene) -> set[str]:
     """Names of the files of the scene's tables that are not there, or not as they were written."""
-    tables = [table for group in glint_uses(scene, update=False) for table in remembered_tables(group)]
-    return {table.name for table in tables if not is_whole(table)}
+    return {table.name for table, state in table_states(scene).items() if state}
 
 
 def _folder(tables) -> str:

@@ -132,14 +132,14 @@ def material_facts() -> list[dict]:
     """Each glint material of the open file with its maps; a table that is not on disk counts as not baked."""
     from .bake.float_image import is_whole
     from .material import glint_groups, is_glint_material
-    from .nodes.glint_bsdf import map_of
+    from .nodes.glint_bsdf import map_of, stored_text
     from .paths import disk_path
 
     facts = []
     for material in filter(is_glint_material, bpy.data.materials):
         maps = []
         for group in glint_groups(material):
-            image, table = map_of(group), group.get("glint_table", "")
+            image, table = map_of(group), stored_text(group, "glint_table")
             found = bool(table) and is_whole(disk_path(table))
             maps.append({"image": image.name if image else None, "table": table if found else ""})
         facts.append({"name": material.name, "maps": maps})

@@ -27,7 +27,9 @@ def uv_transforms(material, group) -> list[tuple[str, np.ndarray]] | None:
         if node.bl_idname != "ShaderNodeGroup" or node.node_tree is None:
             continue
         if node.node_tree == group:
-            socket = node.inputs["Vector"]
+            socket = node.inputs.get("Vector")
+            if socket is None:
+                return None
             # With nothing connected it is the active UV map, as for every texture.
             found.append(_uv_transform(socket) if socket.is_linked else ("", np.eye(2)))
         elif _holds(node.node_tree, group, set()):

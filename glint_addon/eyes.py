@@ -51,6 +51,8 @@ def scene_eyes(scene, frames) -> list[list[Eye]]:
 
 def _eyes(camera, scene, frames) -> list[Eye] | None:
     data = camera.data
+    if camera.type != "CAMERA":  # Blender renders from any object; only cameras say how
+        return None
     matrices = poses(camera, frames)
     if data.type not in {"PERSP", "ORTHO"} or not keeps_its_shape(camera) or matrices is None:
         return None

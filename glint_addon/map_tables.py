@@ -17,7 +17,7 @@ from .images import image_pixels, image_shape, image_stamp, image_state
 from .jobs import Job
 from .nodes import glint_bsdf
 from .nodes.builder import STAMP
-from .nodes.glint_bsdf import group_binding, image_read
+from .nodes.glint_bsdf import group_binding, image_read, stored_text
 
 TEXEL_BYTES = 16  # four 32-bit floats, in memory and in the file
 # Parts of a map's work: table of normals, index, counts.
@@ -182,7 +182,7 @@ def is_missing(group) -> bool:
 
 def remembered_tables(group) -> list[Path]:
     """The table files that a group reads, wherever they should be; there or not."""
-    stored = (group.get(name, "") for name in ("glint_table", "glint_index", "glint_counts"))
+    stored = (stored_text(group, name) for name in glint_bsdf.PATHS)
     return [paths.disk_path(path) for path in stored if path]
 
 
@@ -190,7 +190,8 @@ def _plan(groups, folder) -> MapPlan:
     image, binding = image_read(groups[0]), group_binding(groups[0])
     stamp = image_state(image)
     known = next((group for group in groups if _is_known(group, stamp, folder)), None)
-    if known is None and image_stamp(image) and not any(stamp == group.get("glint_source", "") for group in groups):
+    if known is None and image_stamp(image) and not any(
+            stamp == stored_text(group, "glint_source") for group in groups):
         image.reload()  # Blender may still hold the pixels of an older file
     height, width, _ = image_shape(image) if known is None else (0, 0, 0)
     if known is None and 0 in (height, width):
@@ -200,15 +201,18 @@ def _plan(groups, folder) -> MapPlan:
 
 def _is_known(group, stamp, folder) -> bool:
     """Whether the group's table of normals is there, whole, and that of the image as it is now."""
-    same_file = stamp != "" and stamp == group.get("glint_source", "")
+    same_file = stamp != "" and stamp == stored_text(group, "glint_source")
     if group[STAMP] != glint_bsdf.VERSION or not (same_file or is_missing(group)):
         return False
-    return bool(group["glint_table"]) and _is_stored(group, group["glint_table"], folder)
+    path, *others = (group.get(f"glint_{name}") for name in REMEMBERED)
+    return bool(stored_text(group, "glint_table")) and all(map(_is_pair, others)) and _is_stored(group, path, folder)
 
 
 def _stored_counts(group, folder):
     """Path, levels, low and high bins of the counts that a group remembers, or None if they are not there."""
-    if group is None or not group.get("glint_counts"):
+    if group is None or not stored_text(group, "glint_counts"):
+        return None
+    if not all(_is_pair(group.get(f"glint_{name}")) for name in COUNTS_REMEMBERED[1:]):
         return None
     if not _is_stored(group, group["glint_counts"], folder):
         return None
@@ -217,7 +221,7 @@ def _stored_counts(group, folder):
 
 def _stored_index(group, folder) -> str:
     """Path of the index that a group remembers, or "" if it is not there."""
-    path = group.get("glint_index", "") if group is not None else ""
+    path = stored_text(group, "glint_index") if group is not None else ""
     return path if path and _is_stored(group, path, folder) else ""
 
 
@@ -225,6 +229,11 @@ def _is_stored(group, path: str, folder) -> bool:
     """Whether the table is whole, and in the folder of this .blend file; that of a missing map may be anywhere."""
     file = paths.disk_path(path)
     return (file.parent == folder or is_missing(group)) and is_whole(file)
+
+
+def _is_pair(value) -> bool:
+    """Whether a property holds two numbers."""
+    return hasattr(value, "typecode") and len(value) == 2
 
 
 def _damage(plan) -> list[str]:

@@ -15,10 +15,10 @@ from .light_sets import connect_lights
 from .map_tables import bake_plan, is_missing, map_plans, named_levels, remember
 from .material import glint_groups, glint_lobes
 from .nodes import glint_bsdf, image_texture
-from .nodes.glint_bsdf import lights_of, map_of
+from .nodes.glint_bsdf import lights_of, map_of, stored_text
 from .nodes.glint_lights import set_of
 from .nodes.script_node import osl_available
-from .shading_system import choose_shading_system, is_on
+from .shading_system import NO_OSL, ON_GPU, choose_shading_system, is_on
 from .table_budget import DEFAULT_BUDGET, fit_budget
 from .table_files import keep_tables
 from .uses import glint_uses, unknown_materials
@@ -41,7 +41,7 @@ def prepare_scene(scene, progress=None, *, bake_unseen=None, table_budget=None) 
     images of Glint Image Textures whose levels were baked), "osl" (whether Open Shading Language is on now), "device",
     "warnings" (sentences), "notes" (sentences on what is as it should be, such as why OSL is off), "counts"
     ("tables_baked", "tables_in_use", "bytes_baked", "bytes_in_use", "images_read").
-    Raises MapError or TableError; the scene is unchanged then.
+    Raises MapError, TableError, or SceneError for a scene that cannot be prepared; it is unchanged then.
     """
     progress = progress or (lambda fraction, text: None)
     return finished(preparation(scene, bake_unseen=bake_unseen, table_budget=table_budget), progress)
@@ -54,12 +54,15 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
     """
     if not hasattr(scene, "cycles"):
         raise SceneError("Cycles is switched off: switch it on in Preferences > Add-ons and try again.")
+    if scene.library is not None:
+        raise SceneError(f'Scene "{scene.name}" is linked from {scene.library.filepath}: prepare it in that file.')
     found = glint_uses(scene)
     groups = _by_name(found)
     report = _new_report(scene, _warnings(scene, groups) + _linked_warnings(found))
     # What is linked from another file cannot be changed here, but it looks for the lights of the scene being rendered.
     lit = {group: pairs for group, pairs in found.items() if group.library is None or _reads_scene(group)}
-    looks_for_lights = any(group.library is not None and group not in lit and group["glint_table"] for group in groups)
+    looks_for_lights = any(group.library is not None and group not in lit and stored_text(group, "glint_table")
+                           for group in groups)
     groups = [group for group in groups if group.library is None]
     if not lit and not image_texture.shows_mip_levels():
         return report
@@ -68,7 +71,7 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
     uses = {group: pairs for group, pairs in found.items() if group in groups}
     with_unseen = _setting(scene, "bake_unseen", bake_unseen, False)
     unseen = set() if with_unseen else _unseen_groups(scene, uses)
-    left_out = [group for group in groups if group in unseen and not group["glint_table"]]
+    left_out = [group for group in groups if group in unseen and not stored_text(group, "glint_table")]
     report["unseen"] = sorted({material.name for group in left_out for _, material in uses[group]})
 
     # Bake first: all that can fail happens before the scene is touched.
@@ -181,11 +184,11 @@ def _device(scene) -> str:
 def _warnings(scene, groups) -> list[str]:
     warnings = []
     if not osl_available():
-        warnings.append("This Blender has no Open Shading Language: glints are rendered by its own nodes, with noise.")
+        warnings.append(NO_OSL)
     if scene.render.engine != "CYCLES":
         warnings.append(f"The render engine is {scene.render.engine}: choose Cycles to render glints.")
     if _device(scene) == "GPU":
-        warnings.append("On a GPU, OptiX or other, glints have the noise of Blender's own nodes: choose CPU.")
+        warnings.append(ON_GPU)
     if scene.render.use_simplify and getattr(scene.cycles, "texture_limit_render", "OFF") != "OFF":
         warnings.append("Simplify limits texture sizes, which garbles the glint tables: set its limit to No Limit.")
     if scene.render.use_simplify and getattr(scene.cycles, "texture_resolution_render", 1.0) < 1.0:
@@ -205,7 +208,7 @@ def _hidden_warnings(scene) -> list[str]:
 def _linked_warnings(uses) -> list[str]:
     """Sentences on glints of other files, which cannot be prepared here; one for each material."""
     return sorted({_linked_words(material.name, group) for group, pairs in uses.items() if group.library is not None
-                   and not (group["glint_table"] and _reads_scene(group)) for _, material in pairs})
+                   and not (stored_text(group, "glint_table") and _reads_scene(group)) for _, material in pairs})
 
 
 def _linked_words(name, group) -> str:

@@ -69,7 +69,8 @@ def scene_cameras(scene) -> set:
 def _view(camera, scene) -> View | None:
     """The view of a camera object, or None if it may be any."""
     data = camera.data
-    if data.type not in {"PERSP", "ORTHO"} or not is_fixed(camera):
+    # Blender renders from any object; only cameras say how.
+    if camera.type != "CAMERA" or data.type not in {"PERSP", "ORTHO"} or not is_fixed(camera):
         return None
     is_perspective = data.type == "PERSP"
     frame = np.array([corner[:] for corner in data.view_frame(scene=scene)])

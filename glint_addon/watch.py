@@ -7,22 +7,24 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 from bpy.app.handlers import persistent
 
 INTERVAL = 1.0  # seconds between two looks at what was changed in Blender
-FILES_INTERVAL = 5.0  # seconds between two looks at files, which change without a word from Blender
+SOON = 0.1  # seconds from opening a file to the first look
+FILES_INTERVAL = 2.0  # seconds between two looks at files, which change without a word from Blender
 # Of all time at most this part goes into looking: painted maps are read, which takes up to a second.
 LARGEST_SHARE = 0.02
 
 
 @dataclass
 class _Found:
-    """What is known of a scene. changes: sentences; lost: names of tables that are gone or damaged."""
+    """What is known of a scene. changes: sentences; tables: {file: "", "gone" or "damaged"}."""
 
     changes: list[str]
-    lost: set[str]
+    tables: dict[Path, str]
 
 
 _found: dict[int, _Found] = {}  # by the scene's session_uid
@@ -36,6 +38,7 @@ def register():
         return
     for handlers in _handlers():
         handlers.append(mark)
+    bpy.app.handlers.load_post.append(look_soon)
     bpy.app.timers.register(look, first_interval=INTERVAL, persistent=True)
 
 
@@ -47,6 +50,8 @@ def unregister():
     for handlers in _handlers():
         if mark in handlers:
             handlers.remove(mark)
+    if look_soon in bpy.app.handlers.load_post:
+        bpy.app.handlers.load_post.remove(look_soon)
 
 
 def changes(scene) -> list[str]:
@@ -55,10 +60,16 @@ def changes(scene) -> list[str]:
     return found.changes if found is not None else []
 
 
-def lost_tables(scene) -> set[str]:
-    """Names of the files of the scene's tables that are gone or damaged, as of the last look."""
+def tables(scene) -> dict[Path, str] | None:
+    """The files of the scene's tables and what is wrong with each, "", "gone" or "damaged", as of the last look; None
+    before the first."""
     found = _found.get(scene.session_uid)
-    return found.lost if found is not None else set()
+    return found.tables if found is not None else None
+
+
+def lost_tables(scene) -> dict[str, str]:
+    """Names of the files of the scene's tables that are "gone" or "damaged", as of the last look."""
+    return {table.name: state for table, state in (tables(scene) or {}).items() if state}
 
 
 @persistent
@@ -66,6 +77,16 @@ def mark(*_):
     """Something changed: look soon."""
     global _is_marked
     _is_marked = True
+
+
+@persistent
+def look_soon(*_):
+    """A file was opened, of which nothing is known yet: do not wait for what a look at the last one took."""
+    mark()
+    _found.clear()
+    if bpy.app.timers.is_registered(look):
+        bpy.app.timers.unregister(look)
+    bpy.app.timers.register(look, first_interval=SOON, persistent=True)
 
 
 def look() -> float:
@@ -82,10 +103,10 @@ def look() -> float:
 
 def look_at(scene):
     """Find out about a scene now, and let panels show it."""
-    from .changes import changes_since_prepared, damaged_tables
+    from .changes import changes_since_prepared, table_states
 
     before = _found.get(scene.session_uid)
-    found = _Found(changes_since_prepared(scene), damaged_tables(scene))
+    found = _Found(changes_since_prepared(scene), table_states(scene))
     _found[scene.session_uid] = found
     if found != before:
         for window in bpy.context.window_manager.windows:
@@ -96,5 +117,5 @@ def look_at(scene):
 
 def _handlers():
     all_handlers = bpy.app.handlers
-    names = ("depsgraph_update_post", "load_post", "undo_post", "redo_post", "save_post")
+    names = ("depsgraph_update_post", "undo_post", "redo_post", "save_post")
     return [getattr(all_handlers, name) for name in names]

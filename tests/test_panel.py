@@ -6,21 +6,26 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
+from glint_addon import watch
 from glint_addon.nodes import GROUPS
+from glint_addon.nodes.glint_bsdf import IMAGE_NODE
 from glint_addon.operators.scene_state import store_report
-from glint_addon.shading_system import LEFT_OFF
+from glint_addon.shading_system import LEFT_OFF, NO_OSL, ON_GPU
 from glint_addon.ui import menus, text
-from glint_addon.ui.panel import GLINT_PT_lights, GLINT_PT_material, GLINT_PT_tables
+from glint_addon.ui.lights_panel import GLINT_PT_lights
+from glint_addon.ui.panel import GLINT_PT_material, GLINT_PT_tables
 from tests.helpers import cycles
 from tests.helpers.extension import data_names, write_flake_map
+from tests.helpers.no_osl import take_osl_away
+from tests.helpers.panel import SCREEN, Layout, words_of
 
 pytestmark = pytest.mark.usefixtures("registered")
 
 REPORT = {
     "hints": ["Sun"],
     "skipped_lights": [["Lamp", "it is too large for glints"]],
-    "hints_by_material": {},
-    "left_by_material": {},
+    "hints_by_material": {"Glint flakes": ["Sun"]},
+    "left_by_material": {"Glint flakes": []},
     "baked": ["/somewhere/glint_tables/new.exr"],
     "reused": ["/somewhere/glint_tables/old.exr"],
     "unseen": ["Hidden away"],
@@ -29,8 +34,6 @@ REPORT = {
     "warnings": ["Simplify limits the texture size."],
     "notes": [],
 }
-# Without a window Blender's own interface scale is 0.
-SCREEN = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
 
 _opened = []
 _listening = []
@@ -43,57 +46,18 @@ def is_disk(event: str) -> bool:
     return event == "open" or event.startswith(("os.", "shutil.", "tempfile."))
 
 
-class Layout:
-    """Stands in for Blender's layout: takes the same calls and keeps what would be seen."""
-
-    def __init__(self, seen=None):
-        self.seen = [] if seen is None else seen
-
-    def column(self, **_settings):
-        return Layout(self.seen)
-
-    row = box = column
-
-    def separator(self, **_settings):
-        pass
-
-    def label(self, *, text="", icon="NONE"):
-        assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items, icon
-        self.seen.append(text)
-
-    def prop(self, owner, name):
-        self.seen.append(f"[{owner.bl_rna.properties[name].name}]")
-
-    def operator(self, name, *, text="", icon="NONE"):
-        self.seen.append(f"[{text or name}]")
-        return SimpleNamespace()
-
-    def template_ID(self, data, name, **_settings):  # noqa: N802  (Blender's name)
-        assert hasattr(data, name)
-        self.seen.append(f"<{name}>")
-
-
 def drawn(panel, *, width=400) -> list[str]:
     """What `panel` shows in a region `width` pixels wide; drawing must touch neither disk nor data."""
-    context = SimpleNamespace(
-        scene=bpy.context.scene,
-        object=bpy.context.object,
-        material=bpy.context.object.active_material if bpy.context.object else None,
-        region=SimpleNamespace(width=width),
-        preferences=SCREEN,
-    )
-    layout = Layout()
-    panel.draw(SimpleNamespace(layout=layout), context)  # imports what it needs
-    layout.seen.clear()
+    words_of(panel, width=width)  # imports what it needs
     before = data_names()
     _opened.clear()
     _listening.append(True)
     try:
-        panel.draw(SimpleNamespace(layout=layout), context)
+        seen = words_of(panel, width=width)
     finally:
         _listening.clear()
     assert not _opened and data_names() == before
-    return layout.seen
+    return seen
 
 
 @pytest.fixture
@@ -145,13 +109,15 @@ def add_lights(*names):
 
 def test_the_panel_shows_every_part_of_the_report(glinting):
     add_lights("Sun", "Lamp")
+    bpy.data.materials.new("Hidden away")
     store_report(bpy.context.scene, REPORT)
     assert "Simplify limits the texture size." in drawn(GLINT_PT_material)
     lights = drawn(GLINT_PT_lights)
     assert "Sun" in lights and "Lamp: it is too large for glints" in lights
     tables = drawn(GLINT_PT_tables)
     assert "new.exr (baked)" in tables and "old.exr (reused)" in tables
-    assert "[Also Bake Unseen]" in tables and "Hidden away: no camera sees it, so it has no table" in " ".join(tables)
+    assert "[Also Bake Unseen]" in tables
+    assert "Hidden away: no camera saw it when prepared, so it has no table" in " ".join(tables)
 
 
 def test_the_panel_shows_the_lights_of_the_shown_material_and_which_are_left_to_chance_there(glinting):
@@ -169,12 +135,22 @@ def test_the_panel_shows_the_lights_of_the_shown_material_and_which_are_left_to_
     assert "Lamp 0, Lamp 1, Lamp 2, Lamp 3 and 2 more: too dim" in lights
 
 
+def test_a_report_of_many_lights_and_materials_is_kept_whole(glinting):
+    lights = [f"Lamp {number}" for number in range(1000)]  # so many that Blender moves the lines as they grow
+    materials = [f"Material {number}" for number in range(10)]
+    store_report(bpy.context.scene, {**REPORT, "hints_by_material": dict.fromkeys(materials, lights),
+                                     "left_by_material": dict.fromkeys(materials, [["Moon", "too dim"]])})
+    stored = [(line.material, line.name, line.detail) for line in bpy.context.scene.glint.material_lights]
+    assert stored == [(material, *pair) for material in materials
+                      for pair in [*((name, "") for name in lights), ("Moon", "too dim")]]
+
+
 def test_a_new_report_replaces_the_old_one(glinting):
     store_report(bpy.context.scene, REPORT)
     store_report(bpy.context.scene, {**REPORT, "hints": [], "warnings": [], "baked": [], "reused": [], "unseen": []})
     assert not bpy.context.scene.glint.warnings
     assert "No light makes glints" in drawn(GLINT_PT_lights)[0]
-    assert drawn(GLINT_PT_tables) == ["No table is needed", "[Also Bake Unseen]", "[Table Budget (MiB)]"]
+    assert drawn(GLINT_PT_tables) == ["No table is in use", "[Also Bake Unseen]", "[Table Budget (MiB)]"]
 
 
 def test_the_report_panels_wait_for_the_first_preparation(glinting):
@@ -246,3 +222,205 @@ def test_bsdfs_are_in_the_shader_menu_and_textures_in_the_texture_menu(scene):
     menus.draw_shaders(SimpleNamespace(layout=shaders), bpy.context)
     menus.draw_textures(SimpleNamespace(layout=textures), bpy.context)
     assert "[Glint BSDF]" in shaders.seen and "[Glint Image Texture]" in textures.seen
+
+
+# --- what is shown after the file changed ---
+
+
+@pytest.fixture
+def prepared(glinting, tmp_path):
+    """A saved and prepared file: a plane with glints, a sun and a lamp."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "prepared.blend"))
+    scene = bpy.context.scene
+    cycles.add_sun(scene, (0, 0, 1), angle=0.01)
+    add_lights("Lamp")
+    bpy.data.objects["Lamp"].location = (0, 0, 2)
+    cycles.add_camera(scene, (0, 0, 3))
+    bpy.ops.glint.prepare()
+    assert drawn(GLINT_PT_lights)[:2] == ["Lamp", "Sun"]
+    return scene
+
+
+def tables_on_disk(folder):
+    return sorted((folder / "glint_tables").iterdir())
+
+
+def words_now(panel, *, width=4000) -> str:
+    """What a panel shows once Blender has looked at the scene again."""
+    watch.look_at(bpy.context.scene)
+    return "\n".join(drawn(panel, width=width))
+
+
+def test_what_is_prepared_is_shown_without_a_complaint(prepared):
+    seen = words_now(GLINT_PT_material)
+    assert "OSL on, CPU" in seen and "gone" not in seen and "now" not in seen
+
+
+def test_tables_that_are_gone_are_said_to_be_gone(prepared, tmp_path):
+    names = [table.name for table in tables_on_disk(tmp_path)]
+    for table in tables_on_disk(tmp_path):
+        table.unlink()
+    seen = words_now(GLINT_PT_material)
+    assert "A table is gone" in seen and 'Tables of the map "flakes.png" are gone from' in seen
+    assert not any(name in seen for name in names)
+    for name in names:
+        assert f"{name} (gone)" in words_now(GLINT_PT_tables)
+
+
+def test_damaged_tables_are_said_to_be_damaged(prepared, tmp_path):
+    for table in tables_on_disk(tmp_path):
+        table.write_bytes(table.read_bytes()[:100])
+    assert "A table is damaged" in words_now(GLINT_PT_material)
+    for table in tables_on_disk(tmp_path):
+        assert f"{table.name} (damaged)" in words_now(GLINT_PT_tables)
+
+
+def test_one_lost_table_of_several_is_enough_to_be_told(prepared, tmp_path):
+    group = next(node.node_tree for node in bpy.context.object.active_material.node_tree.nodes
+                 if node.bl_idname == "ShaderNodeGroup")
+    prepared.render.resolution_x = prepared.render.resolution_y = 8  # texels become so small that it takes two tables
+    bpy.ops.glint.prepare()
+    others = [table for table in tables_on_disk(tmp_path) if table.name != bpy.path.basename(group["glint_table"])]
+    others[0].unlink()
+    assert "A table is gone" in words_now(GLINT_PT_material)
+    assert words_now(GLINT_PT_tables).count("(gone)") == 1
+
+
+def test_tables_are_shown_where_the_file_took_them(prepared, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "elsewhere" / "moved.blend"))
+    for table in tables_on_disk(tmp_path):
+        table.unlink()
+    seen = words_now(GLINT_PT_tables)
+    assert f"In {tmp_path / 'elsewhere' / 'glint_tables'}" in seen
+    assert "gone" not in seen and "gone" not in words_now(GLINT_PT_material)
+
+
+def test_deleted_lamps_are_not_listed(prepared):
+    for name in ("Lamp", "Sun"):
+        bpy.data.objects.remove(bpy.data.objects[name])
+        seen = words_now(GLINT_PT_lights)
+        assert name not in seen.splitlines()
+        assert f'Light "{name}" is gone.' in words_now(GLINT_PT_material)
+    assert seen == "Which lights make glints is known after Prepare Glints."
+    bpy.ops.glint.prepare()
+    assert words_now(GLINT_PT_lights) == "No light makes glints: add a sun or a small light."
+
+
+def test_a_world_that_begins_like_a_deleted_lamp_does_not_keep_it_in_the_list(prepared):
+    bpy.context.scene.world = bpy.data.worlds.new("La")
+    bpy.data.objects.remove(bpy.data.objects["Lamp"])
+    assert "Lamp" not in words_now(GLINT_PT_lights).splitlines()
+
+
+def test_a_material_that_was_not_prepared_shows_no_lights_of_others(prepared, tmp_path):
+    add = bpy.ops.glint.add_material
+    add(filepath=str(write_flake_map(tmp_path / "other.png")), name="Other")
+    assert bpy.context.object.active_material.name == "Other"
+    assert words_now(GLINT_PT_lights) == "Which lights make glints is known after Prepare Glints."
+    assert 'Material "Other" shows glints now.' in words_now(GLINT_PT_material)
+
+
+def test_warnings_of_the_last_preparation_go_when_what_they_say_may_be_wrong(prepared):
+    prepared.render.use_simplify, prepared.cycles.texture_limit_render = True, "128"
+    bpy.ops.glint.prepare()
+    assert "Simplify limits texture sizes" in words_now(GLINT_PT_material)
+    prepared.render.use_simplify = False
+    seen = words_now(GLINT_PT_material)
+    assert "Simplify limits texture sizes" not in seen
+    assert "The texture limit of Simplify: no limit now" in seen
+
+
+def test_a_gpu_is_warned_about_before_preparing_again(prepared):
+    prepared.cycles.device = "GPU"
+    seen = words_now(GLINT_PT_material)
+    assert "OSL on, GPU" in seen and ON_GPU in seen and "Device: GPU now, CPU before." in seen
+    bpy.ops.glint.prepare()
+    assert words_now(GLINT_PT_material).count(ON_GPU) == 1
+    prepared.cycles.device = "CPU"
+    assert ON_GPU not in words_now(GLINT_PT_material)
+
+
+def test_another_engine_is_shown_as_a_change_too(prepared):
+    prepared.render.engine = "BLENDER_EEVEE"
+    seen = words_now(GLINT_PT_material)
+    assert "Render Engine: BLENDER_EEVEE now, CYCLES before." in seen and "Glints need Cycles" in seen
+    assert "OSL on" not in seen
+
+
+def test_a_full_copy_of_the_scene_says_whose_lights_it_looks_for(prepared):
+    bpy.ops.scene.new(type="FULL_COPY")
+    copy = bpy.context.scene
+    assert copy != prepared
+    seen = words_now(GLINT_PT_material)
+    assert 'Glints look for "Sun" of scene "Scene".' in seen
+    assert words_now(GLINT_PT_lights) == "Which lights make glints is known after Prepare Glints."
+    bpy.ops.glint.prepare()
+    assert "now" not in words_now(GLINT_PT_material)
+    assert words_now(GLINT_PT_lights).splitlines()[:2] == ["Lamp.001", "Sun.001"]
+
+
+def test_another_map_is_named_at_once(prepared, tmp_path):
+    group = next(node.node_tree for node in bpy.context.object.active_material.node_tree.nodes
+                 if node.bl_idname == "ShaderNodeGroup")
+    other = bpy.data.images.load(str(write_flake_map(tmp_path / "other.png", 16)))
+    other.colorspace_settings.is_data = True
+    group.nodes[IMAGE_NODE].image = other
+    seen = words_now(GLINT_PT_material)
+    assert seen.startswith("other.png") and 'reads the map "other.png" now, not "flakes.png".' in seen
+
+
+def test_a_map_that_was_written_anew_is_told_and_one_that_was_moved_with_its_project_is_not(prepared, tmp_path):
+    image = next(image for image in bpy.data.images if image.name == "flakes.png")
+    (tmp_path / "moved").mkdir()
+    (tmp_path / "flakes.png").rename(tmp_path / "moved" / "flakes.png")
+    assert 'The file of the map "flakes.png" is gone.' in words_now(GLINT_PT_material)
+    image.filepath = str(tmp_path / "moved" / "flakes.png")
+    assert "flakes.png" not in words_now(GLINT_PT_material).replace("flakes.png", "", 1)
+    write_flake_map(tmp_path / "moved" / "flakes.png", 16)
+    assert 'The pixels of the map "flakes.png" changed.' in words_now(GLINT_PT_material)
+
+
+def test_a_map_that_can_no_longer_be_read_is_told_with_the_reason(prepared):
+    group = next(node.node_tree for node in bpy.context.object.active_material.node_tree.nodes
+                 if node.bl_idname == "ShaderNodeGroup")
+    group.nodes[IMAGE_NODE].interpolation = "Cubic"
+    reason = 'Interpolation "CUBIC" is unknown: use one of LINEAR, CLOSEST.'
+    seen = words_now(GLINT_PT_material)
+    assert reason in seen and "now" not in seen.replace("unknown", "")
+    with pytest.raises(RuntimeError, match="is unknown: use one of"):
+        bpy.ops.glint.prepare()
+    group.nodes[IMAGE_NODE].interpolation = "Linear"
+    assert "Interpolation of the map of" in words_now(GLINT_PT_material)
+
+
+def test_a_blender_without_osl_speaks_of_no_tables(prepared, monkeypatch):
+    take_osl_away(monkeypatch)
+    seen = words_now(GLINT_PT_material)
+    assert NO_OSL in seen and "OSL o" not in seen and ".exr" not in seen and "Not prepared" not in seen
+    tables = words_now(GLINT_PT_tables)
+    assert "This Blender has no Open Shading Language, which alone reads tables." in tables
+    assert "No table" not in tables
+    prepared.cycles.use_denoising, prepared.cycles.denoising_input_passes = True, "RGB_ALBEDO_NORMAL"
+    bpy.ops.glint.prepare()
+    seen = words_now(GLINT_PT_material)
+    assert seen.count("no Open Shading Language") == 1 and "[glint.keep_glints]" in seen
+
+
+def test_a_blender_without_osl_promises_nothing_of_preparing(glinting, monkeypatch):
+    take_osl_away(monkeypatch)
+    seen = words_now(GLINT_PT_material)
+    assert NO_OSL in seen and "not prepared" not in seen
+
+
+def test_files_of_older_versions_are_said_to_be_prepared_by_another(prepared):
+    del prepared["glint_prepared"]
+    assert "This scene was prepared by another version of Glint." in words_now(GLINT_PT_material)
+    assert "not prepared" not in words_now(GLINT_PT_material)
+
+
+def test_a_damaged_note_of_the_preparation_is_told(prepared):
+    prepared["glint_prepared"] = prepared["glint_prepared"].replace("Sun", "Moon")
+    assert "What Glint noted of this scene's preparation is damaged." in words_now(GLINT_PT_material)
+    bpy.ops.glint.prepare()
+    assert "damaged" not in words_now(GLINT_PT_material)

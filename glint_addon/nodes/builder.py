@@ -22,6 +22,11 @@ def local_group(name: str) -> bpy.types.ShaderNodeTree | None:
     return group
 
 
+def version_of(group) -> int:
+    """The version of Glint's that a node group of ours is of; 0 for a stamp that no version wrote."""
+    return group[STAMP] if isinstance(group[STAMP], int) else 0
+
+
 def new_group(name: str, version: int, description: str = "") -> bpy.types.ShaderNodeTree:
     """An empty shader node group marked as ours."""
     group = bpy.data.node_groups.new(name, "ShaderNodeTree")

@@ -17,7 +17,7 @@ import bpy
 from ..errors import MapError, SceneError
 from ..images import data_image, is_data_copy
 from . import glint_lights
-from .builder import STAMP, add_input, add_node, add_output, arrange, change_text, local_group, new_group
+from .builder import STAMP, add_input, add_node, add_output, arrange, change_text, local_group, new_group, version_of
 from .driven import Driven, Variable, write_number
 from .script_node import add_script_node, osl_available
 
@@ -29,6 +29,8 @@ CAUSTICS_NODE = "Caustics"
 # Blender's own nodes, which say what the group reads.
 IMAGE_NODE, NORMAL_NODE, FACETS_NODE = "Normal Map Image", "Tangent Space", "Facets"
 UV_NODE = "UV Map"
+MIX_NODE = "OSL or native"
+OWN_NODES = (SCRIPT_NODE, LIGHTS_NODE, CAUSTICS_NODE, UV_NODE, MIX_NODE)
 ORIGINAL_NODE = "Original"  # of an image that is shown as colour elsewhere: the group reads a copy, and this holds it
 DISTRIBUTIONS = ("BECKMANN", "GGX")
 INTERPOLATIONS = ("LINEAR", "CLOSEST")  # in the Image Texture node: Linear, Closest
@@ -145,10 +147,12 @@ def lights_of(group):
 def group_binding(group) -> MapBinding:
     """What a Glint BSDF group reads, and how: what Blender's own nodes in it say.
 
-    Raises MapError for a way of reading that glints cannot follow, SceneError if one of those nodes is missing.
+    Raises MapError for a way of reading that glints cannot follow, SceneError if one of those nodes, or a socket, is
+    missing.
     """
-    if group[STAMP] < VERSION_OF_NODES:
+    if OLD_INTERPOLATION in group and version_of(group) < VERSION_OF_NODES:
         return _old_binding(group)
+    _check_sockets(group)
     texture, normal_map, facets = (_node(group, name) for name in (IMAGE_NODE, NORMAL_NODE, FACETS_NODE))
     return MapBinding(
         map_of(group),
@@ -178,13 +182,13 @@ def reads(group, binding: MapBinding) -> bool:
 
 
 def refresh(group):
-    """Bring a group of another version, or of a Blender without OSL, up to date; its map, values and links stay.
+    """Bring a group of another version, of a Blender without OSL, or one that lost nodes up to date; its map, values
+    and links stay.
 
     Where its nodes were changed by hand, the OSL node follows them.
     """
     binding = group_binding(group)
-    is_outdated = group[STAMP] != VERSION or (osl_available() and group.nodes.get(SCRIPT_NODE) is None)
-    if is_outdated:
+    if version_of(group) != VERSION or osl_available() and not _is_complete(group):
         group.nodes.clear()
         _give_defaults(group, _add_sockets(group))
         _add_nodes(group, binding)
@@ -195,6 +199,17 @@ def refresh(group):
         group["glint_table"] = ""
     else:
         _follow_nodes(group, binding)
+
+
+def stored_text(group, name: str) -> str:
+    """A path or stamp that a group keeps as a custom property; "" where there is none."""
+    text = group.get(name, "")
+    return text if isinstance(text, str) else ""
+
+
+def _is_complete(group) -> bool:
+    """Whether the nodes that Blender's own do not replace are all there, and the shader is compiled."""
+    return all(name in group.nodes for name in OWN_NODES) and bool(group.nodes[SCRIPT_NODE].bytecode)
 
 
 def set_table(group, path: str, size, slope_low, slope_high, counts=None, index: str = ""):
@@ -225,7 +240,8 @@ def change_paths(group, change):
     if not is_glint_group(group):
         return
     for name in PATHS:
-        if group.get(name) and (path := change(group[name])) != group[name]:
+        stored = stored_text(group, name)
+        if stored and (path := change(stored)) != stored:
             group[name] = path
     script = group.nodes.get(SCRIPT_NODE)
     for name in PATH_SOCKETS:
@@ -267,11 +283,18 @@ def _old_binding(group) -> MapBinding:
     return MapBinding(
         group.get(OLD_IMAGE) or (texture.image if texture is not None else None),
         group[OLD_INTERPOLATION],
-        group["glint_convention"],
-        group["glint_distribution"],
-        group["glint_uv_map"],
+        group.get("glint_convention", "OPENGL"),
+        group.get("glint_distribution", "BECKMANN"),
+        stored_text(group, "glint_uv_map"),
         group.get("glint_extension", "REPEAT"),  # groups of version 3 and before have none
     )
+
+
+def _check_sockets(group):
+    present = {item.name for item in group.interface.items_tree}
+    lost = [name for name, *_ in SOCKETS if name not in present]
+    if lost:
+        raise SceneError(f'Node group "{group.name}" has lost its socket "{lost[0]}": add its material anew.')
 
 
 def _node(group, name):
@@ -333,7 +356,7 @@ def _add_nodes(group, binding):
         links.append((lights.outputs[f"Axis {index}"], script.inputs[f"Axis{index}"]))
 
     # Without OSL the Script node vanishes and the factor takes its own value, 0: Blender's own nodes.
-    mix = add_node(group, "ShaderNodeMixShader", "OSL or native", inputs={"Factor": 0.0})
+    mix = add_node(group, "ShaderNodeMixShader", MIX_NODE, inputs={"Factor": 0.0})
     links.append((script.outputs["Active"], mix.inputs["Factor"]))
     links.append((glossy, mix.inputs[1]))
     links.append((script.outputs["BSDF"], mix.inputs[2]))

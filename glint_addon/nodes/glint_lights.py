@@ -94,7 +94,7 @@ def set_of(group) -> int:
 
 def refresh(group) -> None:
     """Let a group of an older version read the lights of the scene; what reads the group stays linked."""
-    if group[builder.STAMP] >= VERSION:
+    if builder.version_of(group) >= VERSION:
         return
     group.animation_data_clear()
     group.nodes.clear()

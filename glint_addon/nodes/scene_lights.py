@@ -34,14 +34,14 @@ def lights_entry(scene, number: int, slot: int, part: int) -> Entry:
 
 def own_holder(scene, number: int):
     """Give `scene` a place for set `number`. What it shares with a scene that it is a copy of becomes its own."""
-    holder = scene.get(HOLDER)
+    holder = holder_of(scene)
     if holder is None or holder.library is not None or _is_shared(holder, scene):
         name = f".Glint Lights of {scene.name}"
         # All sets: the scene's other materials, or those of the other scene, still read them.
         own = bpy.data.node_groups.new(name, "ShaderNodeTree") if holder is None else holder.copy()
         own.name = name
         scene[HOLDER] = holder = own
-    if _key(number) not in holder:
+    if _numbers(holder, number) is None:
         holder[_key(number)] = [0.0] * (HINT_COUNT * PARTS)
         # Drivers that looked for the array in vain look again only when Blender orders all drivers anew.
         first = Entry(holder, _key(number), 0)
@@ -49,16 +49,31 @@ def own_holder(scene, number: int):
         clear_driver(first)
 
 
+def holder_of(scene) -> bpy.types.NodeTree | None:
+    """The data-block with the lights of `scene`, None where it has none, or the property holds something else."""
+    holder = scene.get(HOLDER)
+    return holder if isinstance(holder, bpy.types.NodeTree) else None
+
+
 def is_used(number: int, slot: int, part: int) -> bool:
     """Whether light `slot` of set `number` has anything but zeros in that part, in any scene of the file."""
     first = _index(slot, part)
-    return any(_has_numbers(scene[HOLDER], _key(number), range(first, first + 3)) for scene in bpy.data.scenes
-               if scene.get(HOLDER) is not None)
+    return any(_has_numbers(scene[HOLDER], number, range(first, first + 3)) for scene in bpy.data.scenes
+               if holder_of(scene) is not None)
 
 
 def has_set(scene, number: int) -> bool:
     """Whether `scene` has lights, or a place for them, in set `number`."""
-    return scene.get(HOLDER) is not None and _key(number) in scene[HOLDER]
+    holder = holder_of(scene)
+    return holder is not None and _numbers(holder, number) is not None
+
+
+def held_sets(scene) -> list[int]:
+    """Numbers of the sets that `scene` has lights, or places for them, in."""
+    holder = holder_of(scene)
+    keys = holder.keys() if holder is not None else ()
+    numbers = (int(key.removeprefix(KEY)) for key in keys if key.startswith(KEY) and key.removeprefix(KEY).isdecimal())
+    return sorted(number for number in numbers if has_set(scene, number))
 
 
 def copy_set(scene, number: int, to: int):
@@ -71,7 +86,7 @@ def copy_set(scene, number: int, to: int):
 
 def drop_other_sets(scene, kept: set[int]):
     """Remove the sets of `scene` whose numbers are not in `kept`, but for those of a data-block of another scene."""
-    holder = scene.get(HOLDER)
+    holder = holder_of(scene)
     if holder is None or holder.library is not None or _is_shared(holder, scene):
         return
     for key in [key for key in holder.keys() if key.startswith(KEY)]:  # noqa: SIM118  (a data-block is no dict)
@@ -83,18 +98,25 @@ def drop_other_sets(scene, kept: set[int]):
 
 def followed_objects(scene) -> set:
     """The objects that the drivers of the scene's lights read."""
-    holder = scene.get(HOLDER)
+    holder = holder_of(scene)
     animation = holder.animation_data if holder is not None else None
     curves = animation.drivers if animation is not None else ()
     targets = (target for curve in curves for variable in curve.driver.variables for target in variable.targets)
     return {target.id for target in targets if target.id is not None}
 
 
-def _has_numbers(holder, key, indices) -> bool:
-    numbers = holder.get(key)
+def _has_numbers(holder, number, indices) -> bool:
+    numbers, key = _numbers(holder, number), _key(number)
     if numbers is None:
         return False
     return any(numbers[index] != 0 or driver_curve(Entry(holder, key, index)) is not None for index in indices)
+
+
+def _numbers(holder, number):
+    """The array of set `number`, None where there is none, or something else in its place."""
+    numbers = holder.get(_key(number))
+    is_array = getattr(numbers, "typecode", "") == "d" and len(numbers) == HINT_COUNT * PARTS
+    return numbers if is_array else None
 
 
 def _is_shared(holder, scene) -> bool:

@@ -62,8 +62,7 @@ def store_report(scene, report: dict):
     state.material_lights.clear()
     for material, names in report["hints_by_material"].items():
         pairs = [(name, "") for name in names] + report["left_by_material"][material]
-        for line in _fill_more(state.material_lights, pairs):
-            line.material = material
+        _add(state.material_lights, pairs, material=material)
     tables = [(path, "baked") for path in report["baked"]] + [(path, "reused") for path in report["reused"]]
     _fill(state.tables, tables)
     _fill(state.unseen, [(name, "") for name in report["unseen"]])
@@ -73,15 +72,14 @@ def store_report(scene, report: dict):
 
 def _fill(lines, pairs):
     lines.clear()
-    _fill_more(lines, pairs)
+    _add(lines, pairs)
 
 
-def _fill_more(lines, pairs) -> list:
-    """Add a line for each (name, detail)."""
-    added = []
+def _add(lines, pairs, **more):
+    """Add a line for each (name, detail), with more properties. Each is filled before the next: Blender moves all of a
+    collection when it grows, and who holds a line from before writes to memory that is no longer its own."""
     for name, detail in pairs:
         line = lines.add()
-        line.name = name
-        line.detail = detail
-        added.append(line)
-    return added
+        line.name, line.detail = name, detail
+        for key, value in more.items():
+            setattr(line, key, value)

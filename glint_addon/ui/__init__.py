@@ -3,7 +3,8 @@
 import bpy
 
 from . import menus
-from .panel import GLINT_PT_lights, GLINT_PT_material, GLINT_PT_tables
+from .lights_panel import GLINT_PT_lights
+from .panel import GLINT_PT_material, GLINT_PT_tables
 
 classes = (
     GLINT_PT_material,
