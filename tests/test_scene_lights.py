@@ -10,6 +10,7 @@ import pytest
 
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.changes import changes_since_prepared
+from glint_addon.errors import SceneError
 from glint_addon.material import glint_groups
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.driven import Keyed, number_at, write_number
@@ -315,7 +316,10 @@ def test_a_linked_scene_finds_the_lights_of_its_file(flake_map, tmp_path):
         wanted.scenes = ["Scene"]
     [linked] = wanted.scenes
     assert linked.library is not None
+    with pytest.raises(SceneError, match="is linked from .*: prepare it in that file"):
+        prepare_scene(linked)
     bpy.context.window.scene = linked
+    assert changes_since_prepared(linked) == []
     assert_finds(linked, place)
     # And when the file is opened again, though nobody changed it here.
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
