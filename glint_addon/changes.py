@@ -41,12 +41,15 @@ NODE_SETTINGS = {"location", "location_absolute", "width", "height", "select", "
                  "label", "name", "color", "use_custom_color", "parent", "dimensions", "is_active_output"}
 
 
-def remember_preparation(scene):
-    """Keep what `scene` is prepared from, at the end of its preparation."""
+def remember_preparation(scene, states=None):
+    """Keep what `scene` is prepared from, at the end of its preparation.
+
+    states: {image: its `image_state`} of those that are known, because painted ones are slow to tell.
+    """
     uses = glint_uses(scene, update=False)
     # Copied or moved elsewhere a file is new to the file system, though it holds what it did.
     digests = {map_of(group).name_full: file_digest(map_of(group)) for group in uses}
-    text = json.dumps(_facts(scene, uses) | {"digests": digests})
+    text = json.dumps(_facts(scene, uses, states) | {"digests": digests})
     scene[PREPARED] = f"{_digest(text)} {text}"
 
 
@@ -97,8 +100,8 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _facts(scene, uses) -> dict:
-    """What a preparation rests on, in JSON's types."""
+def _facts(scene, uses, states=None) -> dict:
+    """What a preparation rests on, in JSON's types; states as for `remember_preparation`."""
     objects = {}
     for pairs in uses.values():
         for thing, material in pairs:
@@ -107,7 +110,7 @@ def _facts(scene, uses) -> dict:
         "version": VERSION,
         "lights": _lights(scene),
         "sets": held_sets(scene),
-        "materials": _materials(uses),
+        "materials": _materials(uses, dict(states or {})),
         "objects": {name: sorted(materials) for name, materials in objects.items()},
         "settings": _settings(scene),
     }
@@ -217,23 +220,25 @@ def _foreign_lights(scene) -> list[str]:
 # --- materials ---
 
 
-def _materials(uses) -> dict[str, list]:
+def _materials(uses, states) -> dict[str, list]:
     """Of each material its groups: [name of the map, its state, how it is read..., roughness and strength]; where it
     cannot be read, the first word of five says why, and the others are empty."""
     found = {}
     for group, pairs in uses.items():
         for material in dict.fromkeys(material for _, material in pairs):
-            found.setdefault(material.name_full, []).append(_group(group) + [_values(material, group)])
+            found.setdefault(material.name_full, []).append(_group(group, states) + [_values(material, group)])
     return {name: sorted(groups) for name, groups in found.items()}
 
 
-def _group(group) -> list[str]:
+def _group(group, states) -> list[str]:
     image = map_of(group)
+    if image not in states:
+        states[image] = image_state(image)
     try:
         binding = group_binding(group)
     except GlintError as error:
-        return [image.name_full, image_state(image), str(error), "", "", "", ""]
-    return [image.name_full, image_state(image), binding.interpolation, binding.convention, binding.distribution,
+        return [image.name_full, states[image], str(error), "", "", "", ""]
+    return [image.name_full, states[image], binding.interpolation, binding.convention, binding.distribution,
             binding.uv_map, binding.extension]
 
 

@@ -15,7 +15,7 @@ from .light_sets import connect_lights
 from .map_tables import bake_plan, is_missing, map_plans, named_levels, remember
 from .material import glint_groups, glint_lobes
 from .nodes import glint_bsdf, image_texture
-from .nodes.glint_bsdf import lights_of, map_of, stored_text
+from .nodes.glint_bsdf import image_read, lights_of, map_of, stored_text
 from .nodes.glint_lights import set_of
 from .nodes.script_node import osl_available
 from .shading_system import NO_OSL, ON_GPU, choose_shading_system, is_on
@@ -102,7 +102,7 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
         looks_for_lights = looks_for_lights or _looks_for_lights(report)
     keep_tables()
     note = choose_shading_system(scene, is_needed=looks_for_lights)
-    remember_preparation(scene)
+    remember_preparation(scene, {image_read(plan.groups[0]): plan.stamp for plan in plans})
     return report | {"osl": is_on(scene), "notes": report["notes"] + [note] * bool(note)}
 
 

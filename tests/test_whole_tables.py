@@ -181,14 +181,15 @@ def test_what_is_no_file_is_not_whole_and_raises_nothing(tmp_path):
 
 def test_a_file_that_may_not_be_read_is_not_whole(baked, tmp_path, monkeypatch):
     path = saved(tmp_path / "table.exr", baked["table"])
-    assert is_whole(path)
 
     def refuse(*arguments, **settings):
         raise PermissionError(13, "Permission denied")
 
     # File modes would not stop an administrator.
-    monkeypatch.setattr(Path, "open", refuse)
-    assert not is_whole(path)
+    with monkeypatch.context() as shut:
+        shut.setattr(Path, "open", refuse)
+        assert not is_whole(path)
+    assert is_whole(path)
 
 
 def test_a_disk_that_fails_while_it_is_read_makes_a_file_not_whole(baked, tmp_path, monkeypatch):
@@ -199,6 +200,17 @@ def test_a_disk_that_fails_while_it_is_read_makes_a_file_not_whole(baked, tmp_pa
 
     monkeypatch.setattr(float_image, "_digests", fail)
     assert not is_whole(path)
+
+
+def test_a_file_is_read_again_only_if_it_changed(baked, tmp_path, monkeypatch):
+    path = saved(tmp_path / "table.exr", baked["table"])
+    assert is_whole(path)
+    looks = []
+    digests = float_image._digests
+    monkeypatch.setattr(float_image, "_digests", lambda file: looks.append(file) or digests(file))
+    assert is_whole(path) and not looks
+    path.write_bytes(bytes(path.stat().st_size))
+    assert not is_whole(path) and not is_whole(path) and len(looks) == 2
 
 
 class CountedFile:

@@ -32,6 +32,9 @@ BLOCK, BLOCKS = 4096, 64
 ROWS = 32  # written at a time: no copy of a whole picture, and two blocks of compressed rows for two threads
 
 
+_known_whole = set()  # (path, inode, size, time) of files that `is_whole` has looked at
+
+
 @dataclass(frozen=True)
 class PixelRows:
     """Pixels made as they are written: shape (height, width, 4); rows(low, high) gives rows low..high - 1."""
@@ -92,16 +95,24 @@ def write_whole(path: Path, pixels, *, half: bool = False, pairs=None, steps: St
 def is_whole(path: Path) -> bool:
     """Whether `path` is a file of `write_whole` that is as it was written: False too if it is not there or unreadable.
 
-    Reads BLOCKS blocks of BLOCK bytes at most, whatever its size.
+    Reads BLOCKS blocks of BLOCK bytes at most, whatever its size, and none of a file that was whole and did not change
+    since this was asked last.
     """
     try:
+        state = path.stat()
+        known = path, state.st_ino, state.st_size, state.st_mtime_ns
+        if known in _known_whole:
+            return True
         if not path.is_file():  # to open a pipe would wait forever
             return False
         with path.open("rb", buffering=BLOCK) as file:
             place, stored, digest = _digests(file)
-    except OSError:
+    except (OSError, ValueError):  # ValueError: a name that no file can have
         return False
-    return place > 0 and stored == digest
+    if not place or stored != digest:
+        return False
+    _known_whole.add(known)
+    return True
 
 
 def _add_digest(path):
