@@ -53,11 +53,6 @@ def remember_preparation(scene, states=None):
     scene[PREPARED] = f"{_digest(text)} {text}"
 
 
-def is_prepared(scene) -> bool:
-    """Whether the scene was ever prepared."""
-    return PREPARED in scene
-
-
 def changes_since_prepared(scene) -> list[str]:
     """What changed since `scene` was prepared, a sentence each; none where it is prepared or shows no glints.
 
@@ -313,11 +308,6 @@ def table_states(scene) -> dict[Path, str]:
     """The files of the scene's tables, and what is wrong with each: "", "gone" or "damaged"."""
     tables = sorted({table for group in glint_uses(scene, update=False) for table in remembered_tables(group)})
     return {table: "" if is_whole(table) else "damaged" if table.is_file() else "gone" for table in tables}
-
-
-def damaged_tables(scene) -> set[str]:
-    """Names of the files of the scene's tables that are not there, or not as they were written."""
-    return {table.name for table, state in table_states(scene).items() if state}
 
 
 def _folder(tables) -> str:

@@ -11,7 +11,7 @@ import bpy
 import pytest
 
 from glint_addon import changes_since_prepared, cli, prepare_scene, watch
-from glint_addon.changes import damaged_tables
+from glint_addon.changes import table_states
 from glint_addon.errors import GlintError
 from glint_addon.nodes.glint_bsdf import OWN_NODES
 from glint_addon.nodes.glint_lights import KIND_LOCAL, KIND_NONE, KIND_SUN
@@ -111,7 +111,7 @@ def look():
     draw_all()
     scene = bpy.context.scene
     assert all(sentence.endswith(".") for sentence in changes_since_prepared(scene))
-    damaged_tables(scene)
+    table_states(scene)
     watch.look_at(scene)
     draw_all()
 
@@ -133,7 +133,7 @@ def test_what_can_be_mended_is_whole_after_preparing(found):
     scene = bpy.context.scene
     report = prepare_scene(scene)
     assert report["hints"] == ["Lamp", "Sun"] and report["osl"]
-    assert changes_since_prepared(scene) == [] and damaged_tables(scene) == set()
+    assert changes_since_prepared(scene) == [] and not any(table_states(scene).values())
     bpy.context.view_layer.update()
     kinds = [list(scene["glint_lights"]["lights_1"])[slot * PARTS + SHAPE] for slot in range(3)]
     assert is_whole(group()) and kinds == [KIND_LOCAL, KIND_SUN, KIND_NONE]
@@ -231,7 +231,7 @@ def test_with_cycles_switched_off_all_works_that_can(start, tmp_path):
     assert OFF in told["panel"] and OFF in told["panel_of_an_empty_file"] and "OSL on" not in told["panel"]
     for action in ("prepare_scene", "prepare", "command_prepare", "command_render"):
         assert told[action] == f"{OFF.removesuffix('.')} and try again.", action
-    for action in ("changes", "damaged_tables"):
+    for action in ("changes", "lost_tables"):
         assert told[action] == []
     for action in ("add_material", "change_map", "add_node_group", "command_info", "prepare_with_cycles_again"):
         assert told[action] == "done", action

@@ -20,7 +20,7 @@ import bpy  # noqa: E402  (needs the lines above)
 
 import glint_addon  # noqa: E402
 from glint_addon import changes_since_prepared, cli, prepare_scene, watch  # noqa: E402
-from glint_addon.changes import damaged_tables  # noqa: E402
+from glint_addon.changes import table_states  # noqa: E402
 from glint_addon.errors import GlintError  # noqa: E402
 from glint_addon.ui.panel import GLINT_PT_material  # noqa: E402
 from tests.helpers.extension import shader_editor, write_flake_map  # noqa: E402
@@ -68,7 +68,8 @@ def main():
     assert not hasattr(scene, "cycles")
     told |= {"panel": panel(),
              "prepare_scene": outcome(prepare_scene, scene), "prepare": outcome(bpy.ops.glint.prepare),
-             "changes": changes_since_prepared(scene), "damaged_tables": sorted(damaged_tables(scene))}
+             "changes": changes_since_prepared(scene),
+             "lost_tables": [str(file) for file, wrong in table_states(scene).items() if wrong]}
     assert not bpy.ops.glint.keep_glints.poll()
     told["change_map"] = outcome(bpy.ops.glint.change_map, filepath=str(picked))
     told["add_material"] = outcome(bpy.ops.glint.add_material, filepath=str(picked))
