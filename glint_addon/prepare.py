@@ -52,10 +52,7 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
 
     Closing it early, or an exception, leaves scene and disk as they were.
     """
-    if not hasattr(scene, "cycles"):
-        raise SceneError("Cycles is switched off: switch it on in Preferences > Add-ons and try again.")
-    if scene.library is not None:
-        raise SceneError(f'Scene "{scene.name}" is linked from {scene.library.filepath}: prepare it in that file.')
+    _check(scene)
     found = glint_uses(scene)
     groups = _by_name(found)
     report = _new_report(scene, _warnings(scene, groups) + _linked_warnings(found))
@@ -90,11 +87,7 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
         report["levels"] = named_levels(plans)
         _count_tables(report)
 
-    for plan, values in zip(plans, tables, strict=True):
-        for group in plan.groups:
-            glint_bsdf.refresh(group)
-            glint_bsdf.set_table(group, *values)
-            remember(group, plan.stamp, *values)
+    _use_tables(plans, tables)
     if lit:
         lights = connect_lights(scene, lit)
         _bound_work(lights.pop("visits"))
@@ -104,6 +97,23 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
     note = choose_shading_system(scene, is_needed=looks_for_lights)
     remember_preparation(scene, {image_read(plan.groups[0]): plan.stamp for plan in plans})
     return report | {"osl": is_on(scene), "notes": report["notes"] + [note] * bool(note)}
+
+
+def _check(scene):
+    """Raise SceneError for a scene that cannot be prepared."""
+    if not hasattr(scene, "cycles"):
+        raise SceneError("Cycles is switched off: switch it on in Preferences > Add-ons and try again.")
+    if scene.library is not None:
+        raise SceneError(f'Scene "{scene.name}" is linked from {scene.library.filepath}: prepare it in that file.')
+
+
+def _use_tables(plans, tables):
+    """Let the groups of each plan read its tables, whose values are `tables`."""
+    for plan, values in zip(plans, tables, strict=True):
+        for group in plan.groups:
+            glint_bsdf.refresh(group)
+            glint_bsdf.set_table(group, *values)
+            remember(group, plan.stamp, *values)
 
 
 def _new_report(scene, warnings) -> dict:
