@@ -16,6 +16,7 @@ os.environ.setdefault("OSL_OPTIONS", "llvm_optimize=11")
 import bpy  # noqa: E402, F401  (needs the environment above, and comes before any other module of Blender)
 
 import glint_addon  # noqa: E402
+from tests.helpers.compiled_shaders import keep_compiled_shaders  # noqa: E402
 from tests.helpers.cycles import empty_scene  # noqa: E402
 from tests.helpers.farm import Farm  # noqa: E402
 from tests.helpers.stress_report import (  # noqa: E402, F401  (pytest finds hooks and fixtures by their names)
@@ -23,6 +24,8 @@ from tests.helpers.stress_report import (  # noqa: E402, F401  (pytest finds hoo
     pytest_configure,
     stress_record,
 )
+
+keep_compiled_shaders()
 
 
 def pytest_unconfigure():
