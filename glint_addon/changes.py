@@ -182,8 +182,14 @@ def _node_values(node) -> list:
 
 
 def _plain(value):
-    return [round(float(each), 6) for each in value] if hasattr(value, "__len__") and not isinstance(
-        value, (str, set)) else round(value, 6) if isinstance(value, float) else str(value)
+    """A setting or value as what is the same in every process; numbers to six digits."""
+    if isinstance(value, float):
+        return round(value, 6)
+    if isinstance(value, set):  # several choices at once, in no order
+        return sorted(value)
+    if isinstance(value, str) or not hasattr(value, "__len__"):
+        return str(value)
+    return [round(float(each), 6) for each in value]
 
 
 def _changed_lights(before, now) -> list[str]:
@@ -206,7 +212,11 @@ def _lost_lights(before, now) -> list[str]:
 
 def _foreign_lights(scene) -> list[str]:
     """What is looked for in another scene: this one is a copy of that."""
-    own = set(scene.objects)
+    own, coming = set(), set(scene.objects)
+    while coming:  # objects of instanced collections are shown here too, whatever scene keeps them
+        own |= coming
+        shown = {thing.instance_collection for thing in coming} - {None}
+        coming = {thing for collection in shown for thing in collection.all_objects} - own
     followed = sorted(followed_objects(scene) - own, key=lambda thing: thing.name_full)
     return [f'Glints look for "{thing.name}" of scene "{other.name}".' for thing in followed
             for other in thing.users_scene[:1]]

@@ -321,6 +321,15 @@ def a_slightly_larger_picture(scene, folder):
     scene.render.resolution_percentage = 150
 
 
+def a_lamp_of_another_scene_in_an_instance(scene, folder):
+    """The scene that keeps the collection is not the one whose lights are looked for."""
+    a_lamp_in_an_instance(scene, folder)
+    assets = bpy.data.scenes.new("Assets")
+    assets.collection.children.link(bpy.data.collections["Inside"])
+    bpy.context.view_layer.update()
+    assert "Inner in Empty" in prepare_scene(scene)["hints"]
+
+
 def its_folder_moved(scene, folder):
     bpy.ops.wm.save_mainfile()
     (folder / "elsewhere").mkdir()
@@ -346,7 +355,8 @@ def the_file_saved_again(scene, folder):
 
 @pytest.mark.parametrize("change", [
     a_light_that_moves, a_light_that_grows, another_frame, another_name_of_the_scene, another_colour, a_plain_object,
-    other_samples, a_slightly_larger_picture, its_folder_moved, its_folder_copied, the_file_saved_again,
+    other_samples, a_slightly_larger_picture, a_lamp_of_another_scene_in_an_instance, its_folder_moved,
+    its_folder_copied, the_file_saved_again,
 ])
 def test_nothing_is_told_of_what_does_no_harm(prepared, folder, change):
     change(prepared, folder)
