@@ -77,6 +77,18 @@ def test_a_group_of_an_older_version_reads_the_lights_of_the_scene_and_keeps_its
     assert len(group.nodes) == 8 * 3 + 3 and lamp.users == 0
 
 
+@pytest.mark.parametrize("version", [2, glint_lights.VERSION])
+def test_a_set_is_that_of_its_number_whatever_other_groups_the_file_has(scene, version):
+    """Groups come along from other files, and people rename them."""
+    other = glint_lights.build()
+    other.name = "Appended"
+    group = glint_lights.build()
+    assert group != other and glint_lights.set_of(other) == 1
+    group[STAMP] = version
+    group[glint_lights.SET] = 7
+    assert [glint_lights.set_of(glint_lights.build_set(number)) for number in (1, 2, 7, 1)] == [1, 2, 7, 1]
+
+
 def test_a_foreign_group_of_that_name_is_refused(scene):
     bpy.data.node_groups.new("Glint Lights", "ShaderNodeTree")
     with pytest.raises(SceneError, match="rename it"):

@@ -82,7 +82,7 @@ def build() -> bpy.types.ShaderNodeTree:
 def build_set(number: int) -> bpy.types.ShaderNodeTree:
     """The local group that reads set `number`, 1 or more, built if the file has none."""
     if number == 1:
-        return build()
+        build()  # a group of an older version has no number yet
     group = next((group for group in groups() if set_of(group) == number), None)
     return _built(f"{NAME}.{number - 1:03d}", number) if group is None else group
 
@@ -98,7 +98,7 @@ def refresh(group) -> None:
         return
     group.animation_data_clear()
     group.nodes.clear()
-    group[SET] = _free_set()
+    group[SET] = 1 if group.name == NAME else _free_set()
     _add_nodes(group)
     builder.arrange(group)
     group[builder.STAMP] = VERSION
