@@ -13,10 +13,10 @@ from pathlib import Path
 
 import bpy
 
+from .animation.curves import is_animated
 from .bake.float_image import is_whole
 from .errors import GlintError
 from .images import file_digest, image_state
-from .lights.animation import is_animated
 from .lights.emitters import reason_here as reason_here_mesh
 from .lights.emitters import reason_to_skip as reason_to_skip_mesh
 from .lights.emitters import shines

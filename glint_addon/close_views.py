@@ -6,9 +6,9 @@ from math import inf, pi
 
 import numpy as np
 
+from .animation.places import places
 from .coordinates import largest_texel_area, uv_transforms
 from .footprints import FOOTPRINT_EXPONENT, FOOTPRINT_SCALE, rigid_mesh
-from .lights.choice import places
 from .nodes.glint_bsdf import group_binding
 from .reach import patches_over
 from .surface import pixels_filled

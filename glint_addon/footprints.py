@@ -9,11 +9,12 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from .animation.frames import scene_frames
+from .animation.motion import copies_others, has_rigid_box
+from .animation.poses import poses
 from .bake.counts import counts_levels
 from .coordinates import evaluated_mesh, face_planes, texel_densities, uv_transforms, vertices
 from .eyes import depth_range, is_inside, scene_eyes
-from .motion import copies_others, has_rigid_box
-from .poses import poses, scene_frames
 from .worn import worn_materials
 
 # Radius in pixels of the footprint of one of `samples` samples: osl/footprint.h.

@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
+from .animation.frames import chosen_frames
 from .close_views import CLOSE_UP, is_close_up
-from .lights.choice import Choice, boxes_over, choose, chosen_frames, noise_in_remainder
+from .lights.choice import Choice, boxes_over, choose, noise_in_remainder
 from .lights.receivers import lit_objects
 from .nodes.glint_bsdf import is_glint_group, lights_of, map_of
 from .nodes.glint_lights import set_of
@@ -119,5 +120,5 @@ def material_choices(scene, families, found, copied) -> list[Choice]:
 
 
 def _lit(hint, objects) -> list:
-    source = hint.instance.source if hint.instance else hint.object
+    source = hint.source
     return lit_objects(source, objects) if source is not None else list(objects)

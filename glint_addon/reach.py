@@ -12,14 +12,14 @@ from math import inf
 import numpy as np
 from mathutils import Matrix
 
+from .animation.curves import is_animated, peak_value
+from .animation.motion import has_rigid_box
+from .animation.places import Posed, is_still, places
 from .coordinates import evaluated_mesh
-from .lights.animation import is_animated, peak_value
-from .lights.choice import Posed, is_still, places
 from .lights.hint import Hint
 from .lights.irradiance import irradiances
 from .lights.size import cross_section
 from .lights.softness import SOFT_HALF_ANGLE
-from .motion import has_rigid_box
 from .nodes.glint_lights import KIND_SUN
 from .surface import Patches, pixels_filled, surface_patches
 from .views import Views

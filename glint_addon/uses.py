@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .lights.animation import is_animated
+from .animation.curves import is_animated
 from .lights.hints import rendered_objects
 from .material import glint_groups
 from .worn import hidden_materials, worn_materials

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .animation.curves import is_animated
+from .animation.frames import chosen_frames
+from .animation.motion import copies_others
 from .eyes import Eye, scene_eyes
-from .lights.animation import is_animated
-from .lights.choice import chosen_frames
-from .motion import copies_others
 from .nodes.glint_bsdf import is_glint_group
 from .visibility import scene_cameras
 from .worn import worn_materials

@@ -10,10 +10,10 @@ from math import asin, hypot, inf, pi
 
 import numpy as np
 
-from ..motion import has_fixed_box, has_rigid_box, is_fixed
+from ..animation.curves import is_animated, peak_value
+from ..animation.motion import has_fixed_box, has_rigid_box, is_fixed
+from ..animation.places import Posed, is_still, places
 from ..nodes.glint_lights import HINT_COUNT, KIND_SUN
-from ..poses import poses
-from .animation import is_animated, peak_value
 from .hint import Hint
 from .irradiance import irradiance
 from .softness import TOO_SOFT
@@ -27,26 +27,14 @@ NEGLIGIBLE = 0.001
 LARGEST_VISIT = 4096
 ENOUGH = 10.0
 FEWEST_VISITS = 16
-FRAMES = 17  # of an animation that are looked at; lights are ranked, so what lies between changes little
 NEVER = -1.0  # the value of a light that never shines on the material
 # Objects whose shape may change are taken to be this much larger than their mesh at rest.
 SHAPE_MARGIN = 1.5
-# Constraints that move nothing by themselves: what holds them still holds the object still.
-STILL_CONSTRAINTS = {"TRACK_TO", "DAMPED_TRACK", "LOCKED_TRACK", "COPY_LOCATION", "COPY_ROTATION", "COPY_SCALE",
-                     "COPY_TRANSFORMS", "LIMIT_LOCATION", "LIMIT_ROTATION", "LIMIT_SCALE", "LIMIT_DISTANCE", "CHILD_OF"}
 
 TOO_MANY = f"dimmer than the {HINT_COUNT} strongest lights: noisy, not wrong"
 TOO_DIM = "so dim beside the others that the noise does not show"
 OUT_OF_REACH = "no facet of the map can mirror it to a camera"
 MISSES = "shines past every object of the material, which are outside its cone or behind it"
-
-
-@dataclass(frozen=True)
-class Posed:
-    """A light object where it is at one frame. matrix_world: (4, 4), as numbers of `mathutils` have it."""
-
-    data: object
-    matrix_world: object
 
 
 @dataclass(frozen=True)
@@ -115,7 +103,7 @@ def noise_in_remainder(hint: Hint, boxes: Boxes, frames, alpha: float) -> float:
         return NEVER
     if hint.kind == KIND_SUN and hint.direction is not None:
         return _noise(hint.power, hint.size, alpha)
-    lamp, matrices = _source(hint), _places_of(hint, frames)
+    lamp, matrices = hint.source, _places_of(hint, frames)
     if matrices is None or _may_be_brighter(lamp.data):
         return inf
     if lamp.type != "LIGHT" or hint.instance and hint.instance.poses:
@@ -148,24 +136,6 @@ def boxes_over(objects, frames, copied=None) -> Boxes:
     return Boxes(low, high, not copied and all(has_fixed_box(thing) for thing in objects))
 
 
-def chosen_frames(scene) -> np.ndarray:
-    """Frames at which lights are judged: of the scene's range, never the current one alone."""
-    count = min(FRAMES, scene.frame_end - scene.frame_start + 1)
-    return np.linspace(scene.frame_start, scene.frame_end, max(count, 1))
-
-
-def places(thing, frames) -> np.ndarray | None:
-    """World matrices (f, 4, 4) of an object at the f `frames`, None if they cannot be told from keys alone."""
-    if _is_settled(thing):
-        return np.tile(np.array(thing.matrix_world), (len(frames), 1, 1))
-    return poses(thing, frames)
-
-
-def _source(hint):
-    """The light object or mesh that shines, also in a copy."""
-    return hint.instance.source if hint.instance else hint.object
-
-
 def _places_of(hint, frames) -> np.ndarray | None:
     """World matrices (f, 4, 4) of a light at the frames, None if they cannot be told; of a copy that no driver follows
     and that never moves any one matrix."""
@@ -183,16 +153,11 @@ def _places_of(hint, frames) -> np.ndarray | None:
     return outer @ inner
 
 
-def is_still(matrices) -> bool:
-    """Whether matrices or points, (f, ...), are the same at all frames."""
-    return bool((matrices == matrices[0]).all())
-
-
 def _noise_at(hint, matrix, low, high, energy, alpha):
     """`noise_in_remainder` of boxes (n, 3) under the light at one place, `matrix` (4, 4)."""
     from mathutils import Matrix
 
-    power = irradiance(Posed(_source(hint).data, Matrix(matrix)), low, high, energy)
+    power = irradiance(Posed(hint.source.data, Matrix(matrix)), low, high, energy)
     half_angle = hint.size
     if hint.kind != KIND_SUN and len(low):
         distance = np.linalg.norm(np.clip(matrix[:3, 3], low, high) - matrix[:3, 3], axis=1).min()
@@ -220,23 +185,6 @@ def _may_be_brighter(light) -> bool:
     return bool(animation.drivers or animation.nla_tracks) or any(
         is_animated(light, path) for path in ("color", "exposure", "temperature", "spot_size", "size", "size_y")
         if hasattr(light, path)
-    )
-
-
-def _is_settled(thing) -> bool:
-    """Whether an object stays in its place at every frame: constraints to what stays count as nothing."""
-    if is_fixed(thing, shape=False):
-        return True
-    animation = thing.animation_data
-    moves = animation is not None and bool(animation.action or animation.nla_tracks or animation.drivers)
-    parents = [thing.parent] * (thing.parent is not None)
-    targets = [target for each in thing.constraints if (target := getattr(each, "target", None)) is not None]
-    return (
-        not moves
-        and thing.rigid_body is None
-        and (thing.parent is None or thing.parent_type == "OBJECT")
-        and all(each.type in STILL_CONSTRAINTS and not getattr(each, "subtarget", "") for each in thing.constraints)
-        and all(is_fixed(each, shape=False) for each in parents + targets)
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import bpy
 from mathutils import Matrix
 
-from ..motion import KEEPS_THE_BOX, is_fixed
+from ..animation.motion import KEEPS_THE_BOX, is_fixed
 
 NO_ID = 2**31 - 1  # fills the places of a persistent id that are not used
 # Nodes whose result depends on the frame by itself.

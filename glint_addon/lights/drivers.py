@@ -6,8 +6,8 @@ run. All lengths are in metres, angles in radians, space is the world.
 
 from __future__ import annotations
 
+from ..animation.motion import is_fixed
 from ..errors import SceneError
-from ..motion import is_fixed
 from ..nodes.driven import Driven, Keyed, Variable, write_number
 from ..nodes.glint_lights import KIND_NONE, KIND_SUN, check_nodes, refresh, set_of
 from ..nodes.scene_lights import AXIS, HINT_COUNT, LIGHT, REACH, SHAPE, SHIFT, lights_entry, own_holder
@@ -136,7 +136,7 @@ def _cone(scene, hint, ways) -> Driven | float:
 
     Cycles cuts the spread of area lights at the same angle all round; an object's scale stretches the cones of spots.
     """
-    light = _source(hint)
+    light = hint.source
     if light is None or light.type != "LIGHT" or light.data.type not in {"AREA", "SPOT"} or _poses(hint):
         return 0.0
     if hint in ways or _may_turn_in_shutter(scene, hint):
@@ -163,12 +163,8 @@ def _may_turn_in_shutter(scene, hint) -> bool:
     middle of the shutter."""
     if not scene.render.use_motion_blur or scene.render.motion_blur_position == "CENTER":
         return False
-    things = [_source(hint), hint.instance and hint.instance.instancer]
+    things = [hint.source, hint.instance and hint.instance.instancer]
     return not all(is_fixed(thing, shape=False) for thing in things if thing is not None)
-
-
-def _source(hint):
-    return hint.instance.source if hint.instance else hint.object
 
 
 def _frame(hint) -> Frame:

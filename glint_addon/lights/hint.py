@@ -63,6 +63,11 @@ class Hint:
     ball: Ball | None = None
 
     @property
+    def source(self) -> bpy.types.Object | None:
+        """The light object or mesh that shines, also in a copy; None for the world."""
+        return self.instance.source if self.instance else self.object
+
+    @property
     def order(self) -> tuple[str, str]:
         """Sorts hints by name, then by the library that their object comes from: the same at every frame."""
         library = self.object.library if self.object else None

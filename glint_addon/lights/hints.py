@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import bpy
 
-from .animation import is_animated
+from ..animation.curves import is_animated
 from .emitters import mesh_emitters
 from .hint import Hint
 from .instances import instance_hints

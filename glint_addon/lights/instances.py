@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from mathutils import Matrix
 
+from ..animation.curves import is_animated
+from ..animation.places import Posed
 from ..nodes.glint_lights import KIND_SUN
-from .animation import is_animated
-from .choice import Posed
 from .copies import Copy, copies, matrices_over, may_move
 from .emitters import mesh_hint, shine, shines
 from .emitters import reason_to_skip as reason_to_skip_mesh

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ..motion import copies_others, has_fixed_box, is_fixed
+from ..animation.curves import is_animated, peak_value
+from ..animation.motion import copies_others, has_fixed_box, is_fixed
 from ..nodes.glint_lights import KIND_LOCAL, KIND_SUN
-from .animation import is_animated, peak_value
 from .emission import lamp_factor
 from .hint import Hint
 from .irradiance import irradiance, tint

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import bpy
 
+from ..animation.curves import is_animated, peak_value
 from ..nodes.driven import Variable
-from .animation import is_animated, peak_value
 
 COMBINED = {"X": 0, "Y": 1, "Z": 2}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..motion import copies_others
+from ..animation.motion import copies_others
 from ..nodes.glint_bsdf import is_glint_group
 from ..worn import worn_materials
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..animation.places import places
 from ..nodes.driven import Keyed
 from ..nodes.glint_lights import KIND_SUN
-from .choice import places
 from .hint import Hint
 
 # Middle of the shutter after the frame, in shutters.
@@ -54,7 +54,7 @@ def shutter_ways(scene, layers, hints) -> dict[Hint, Way]:
 
 def is_blurred(hint) -> bool:
     """Whether Cycles blurs a light that moves: a mesh, unless its motion blur is off."""
-    source = hint.instance.source if hint.instance else hint.object
+    source = hint.source
     return source is not None and source.type != "LIGHT" and source.cycles.use_motion_blur
 
 

@@ -29,12 +29,6 @@ def poses(thing, frames) -> np.ndarray | None:
     return None if parents is None else parents @ np.array(thing.matrix_parent_inverse) @ own
 
 
-def scene_frames(scene, count: int) -> np.ndarray:
-    """At most `count` frames of the scene's range, evenly spread, its ends and the current frame among them."""
-    spread = np.linspace(scene.frame_start, scene.frame_end, min(count, scene.frame_end - scene.frame_start + 1))
-    return np.unique(np.append(spread, scene.frame_current))
-
-
 def _curves(thing) -> dict | None:
     """Animation curves {(path, index): curve} of an object's place, or None if it is moved by more than an action."""
     animation = thing.animation_data
