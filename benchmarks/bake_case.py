@@ -23,7 +23,7 @@ from glint_addon.bake.openimageio import oiio
 from glint_addon.bake.slope_index import bake_index
 from glint_addon.bake.table import bake_table
 from glint_addon.images import image_pixels
-from glint_addon.material import create_glint_material
+from glint_addon.materials.create import create_glint_material
 from glint_addon.prepare import prepare_scene
 
 from .record import write_json

@@ -16,7 +16,7 @@ import bpy  # noqa: F401  (before the modules that need it)
 import numpy as np
 
 from demo_scenes import picture
-from glint_addon.material import create_glint_material
+from glint_addon.materials.create import create_glint_material
 from glint_addon.prepare import prepare_scene
 
 from . import dolly_scene, dolly_truth

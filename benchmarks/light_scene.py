@@ -17,7 +17,7 @@ from mathutils import Vector
 
 from demo_scenes import maps, stage
 from demo_scenes.truth import truth_material
-from glint_addon.material import create_glint_material
+from glint_addon.materials.create import create_glint_material
 
 from .suite import scene_digest
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from demo_scenes import maps, stage
 from glint_addon.lights.drivers import connect_hints
-from glint_addon.material import create_glint_material
+from glint_addon.materials.create import create_glint_material
 from glint_addon.nodes import glint_lights
 from glint_addon.prepare import prepare_scene
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from demo_scenes import maps, stage
 from demo_scenes.truth import truth_material
-from glint_addon.material import create_glint_material
+from glint_addon.materials.create import create_glint_material
 from glint_addon.prepare import prepare_scene
 
 SIZE = (48, 48)  # pixels

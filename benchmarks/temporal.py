@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from demo_scenes import measure, picture
-from glint_addon.material import create_glint_material
+from glint_addon.materials.create import create_glint_material
 from glint_addon.prepare import prepare_scene
 
 from . import temporal_scenes, temporal_truth

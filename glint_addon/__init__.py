@@ -3,7 +3,7 @@
 from importlib import import_module
 
 # Public functions and the modules they come from; loaded at first use, because they need Blender.
-_PUBLIC = {"changes_since_prepared": "changes", "create_glint_material": "material", "prepare_scene": "prepare"}
+_PUBLIC = {"changes_since_prepared": "changes", "create_glint_material": "materials.create", "prepare_scene": "prepare"}
 
 __all__ = [  # noqa: F822  (see __getattr__)
     "changes_since_prepared", "create_glint_material", "prepare_scene", "register", "unregister",

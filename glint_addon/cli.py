@@ -131,7 +131,7 @@ def describe_file(options) -> list[str]:
 def material_facts() -> list[dict]:
     """Each glint material of the open file with its maps; a table that is not on disk counts as not baked."""
     from .bake.float_image import is_whole
-    from .material import glint_groups, is_glint_material
+    from .materials.find import glint_groups, is_glint_material
     from .nodes.glint_bsdf import map_of, stored_text
     from .paths import disk_path
 

@@ -15,7 +15,7 @@ from .animation.poses import poses
 from .bake.counts import counts_levels
 from .coordinates import evaluated_mesh, face_planes, texel_densities, uv_transforms, vertices
 from .eyes import depth_range, is_inside, scene_eyes
-from .worn import worn_materials
+from .materials.worn import worn_materials
 
 # Radius in pixels of the footprint of one of `samples` samples: osl/footprint.h.
 FOOTPRINT_SCALE = 1.1

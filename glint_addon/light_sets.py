@@ -14,12 +14,12 @@ from .lights.drivers import connect_hints
 from .lights.hints import rendered_layers, scene_candidates
 from .lights.receivers import copied_places
 from .lights.shutter import shutter_ways
-from .material import glint_groups
 from .material_lights import material_choices, material_families
+from .materials.find import glint_groups
+from .materials.worn import worn_materials
 from .nodes import glint_lights
 from .nodes.glint_bsdf import LIGHTS_NODE, group_binding, is_glint_group, lights_of
 from .nodes.scene_lights import HOLDER, copy_set, drop_other_sets, has_set
-from .worn import worn_materials
 
 
 def connect_lights(scene, uses) -> dict:

@@ -13,7 +13,7 @@ from .errors import SceneError
 from .jobs import Job, finished
 from .light_sets import connect_lights
 from .map_tables import bake_plan, is_missing, map_plans, named_levels, remember
-from .material import glint_groups, glint_lobes
+from .materials.find import glint_groups, glint_lobes
 from .nodes import glint_bsdf, image_texture
 from .nodes.glint_bsdf import image_read, lights_of, map_of, stored_text
 from .nodes.glint_lights import set_of

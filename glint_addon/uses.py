@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from .animation.curves import is_animated
 from .lights.hints import rendered_objects
-from .material import glint_groups
-from .worn import hidden_materials, worn_materials
+from .materials.find import glint_groups
+from .materials.worn import hidden_materials, worn_materials
 
 
 def glint_uses(scene, *, update: bool = True) -> dict:

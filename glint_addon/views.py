@@ -10,9 +10,9 @@ from .animation.curves import is_animated
 from .animation.frames import chosen_frames
 from .animation.motion import copies_others
 from .eyes import Eye, scene_eyes
+from .materials.worn import worn_materials
 from .nodes.glint_bsdf import is_glint_group
 from .visibility import scene_cameras
-from .worn import worn_materials
 
 # Rougher surfaces (alpha from 0.25) blur what they mirror so much that it needs no hints.
 ROUGH = 0.5

@@ -21,7 +21,7 @@ from glint_addon.images import (
     normal_map_image,
     remove_unused_copies,
 )
-from glint_addon.material import create_glint_material
+from glint_addon.materials.create import create_glint_material
 from tests.helpers import cycles
 from tests.helpers.extension import data_names
 from tests.test_images import shown_by_cycles
@@ -413,7 +413,8 @@ import sys
 import bpy
 sys.path.insert(0, {root!r})
 import glint_addon
-from glint_addon.material import create_glint_material, glint_groups
+from glint_addon.materials.create import create_glint_material
+from glint_addon.materials.find import glint_groups
 from glint_addon.images import data_image
 bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
 glint_addon.register()

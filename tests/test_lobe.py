@@ -10,7 +10,7 @@ import pytest
 
 from demo_scenes import maps
 from demo_scenes.truth import truth_material
-from glint_addon.material import create_glint_material
+from glint_addon.materials.create import create_glint_material
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.driven import write_number
 from glint_addon.prepare import prepare_scene

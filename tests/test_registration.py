@@ -106,7 +106,7 @@ def test_importing_does_nothing_and_registering_loads_no_heavy_module():
 
 
 def test_the_public_functions_come_from_their_modules():
-    from glint_addon.material import create_glint_material
+    from glint_addon.materials.create import create_glint_material
     from glint_addon.prepare import prepare_scene
 
     assert glint_addon.create_glint_material is create_glint_material

@@ -18,7 +18,7 @@ from glint_addon.lights.drivers import connect_hints
 from glint_addon.lights.sky_sun import SKIES_WITH_SUN
 from glint_addon.lights.world import world_hints
 from glint_addon.lights.world_picture import linear_pixels
-from glint_addon.material import create_glint_material
+from glint_addon.materials.create import create_glint_material
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_lights import KIND_SUN
 from glint_addon.nodes.scene_lights import HOLDER

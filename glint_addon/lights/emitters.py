@@ -12,8 +12,8 @@ import numpy as np
 
 from ..animation.curves import is_animated
 from ..animation.motion import KEEPS_THE_BOX, copies_others, has_fixed_box, is_fixed, keeps_its_shape
+from ..materials.worn import worn_materials
 from ..nodes.glint_lights import KIND_LOCAL
-from ..worn import worn_materials
 from .emission import sampled_radiance
 from .hint import Ball, Hint
 from .irradiance import NEAREST

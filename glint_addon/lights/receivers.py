@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..animation.motion import copies_others
+from ..materials.worn import worn_materials
 from ..nodes.glint_bsdf import is_glint_group
-from ..worn import worn_materials
 
 MOST_COPIES = 64  # of an object: lights are ranked by where it is, and the next copy is near
 

@@ -64,7 +64,7 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
 
     def run(self, context):
         """Make the material and assign it."""
-        from ..material import create_glint_material
+        from ..materials.create import create_glint_material
 
         target = context.object
         check_uv_map(target, self.uv_map, context)

@@ -46,7 +46,7 @@ def draw_hints(layout, context, lines):
 
 def shows_glints(material) -> bool:
     """Whether the material has a Glint BSDF with a map, in groups of the user's too."""
-    from ..material import is_glint_material
+    from ..materials.find import is_glint_material
 
     return material is not None and is_glint_material(material)
 

@@ -88,7 +88,7 @@ def draw_picker(layout, context, operator):
 
 def draw_maps(layout, context):
     """Say which maps the material uses and how."""
-    from ..material import glint_groups
+    from ..materials.find import glint_groups
 
     without_map = [node.node_tree for node in glint_nodes(context.material) if map_of(node.node_tree) is None]
     for group in (*glint_groups(context.material), *dict.fromkeys(without_map)):

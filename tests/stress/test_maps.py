@@ -9,7 +9,7 @@ import pytest
 
 from demo_scenes import maps
 from glint_addon.errors import MapError
-from glint_addon.material import create_glint_material
+from glint_addon.materials.create import create_glint_material
 from tests.helpers import cycles
 from tests.helpers.stress import compare
 

@@ -1,4 +1,4 @@
-"""Materials with glints: create one, recognise one."""
+"""Make a material with glints, or the group that gives it one."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from numbers import Real
 
 import bpy
 
-from .errors import MapError
-from .images import data_image, image_pixels, normal_map_image, remove_unused_copies
-from .nodes.builder import add_node, arrange
-from .nodes.glint_bsdf import MapBinding, follow_map, group_for, is_glint_group, map_of
+from ..errors import MapError
+from ..images import data_image, image_pixels, normal_map_image, remove_unused_copies
+from ..nodes.builder import add_node, arrange
+from ..nodes.glint_bsdf import MapBinding, follow_map, group_for
 
 
 def create_glint_material(
@@ -61,42 +61,6 @@ def bound_group(
         raise
 
 
-def is_glint_material(material) -> bool:
-    """Whether the material's node tree holds a Glint BSDF group with a map."""
-    return bool(glint_groups(material))
-
-
-def glint_groups(material) -> list[bpy.types.ShaderNodeTree]:
-    """The Glint BSDF groups with a map that a material uses, also inside other groups; each once."""
-    found = []
-    seen = set()
-
-    def search(tree):
-        for node in tree.nodes if tree is not None else ():
-            inner = node.node_tree if node.bl_idname == "ShaderNodeGroup" else None
-            if inner is None or inner.name_full in seen:
-                continue
-            seen.add(inner.name_full)
-            if is_glint_group(inner):
-                if map_of(inner) is not None:
-                    found.append(inner)
-            else:
-                search(inner)
-
-    search(material.node_tree if material is not None else None)
-    return found
-
-
-def glint_lobes(material) -> int:
-    """How many Glint BSDFs with a map a material may sum; those inside a group count as often as it is used."""
-
-    def count(tree):
-        inner = [node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup" and node.node_tree]
-        return sum(map_of(each) is not None if is_glint_group(each) else count(each) for each in inner)
-
-    return count(material.node_tree)
-
-
 def _check_values(name, roughness, strength, color, uv_map):
     """Refuse at the door what Blender would refuse half-way, in other words."""
     for value, what, high in ((roughness, "Roughness", 1.0), (strength, "Strength", 10.0)):
@@ -131,7 +95,7 @@ def _bound_group(normal_map, interpolation, convention, distribution, uv_map, ex
 
 def _decoded(image, convention):
     """Refuse a map that the bake would refuse, before anything is made."""
-    from .bake.normal_map import decoded_normals
+    from ..bake.normal_map import decoded_normals
 
     return decoded_normals(image_pixels(data_image(image)), convention=convention, name=image.name)
 
