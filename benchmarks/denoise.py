@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from glint_addon.materials.find import is_glint_material
 
 from demo_scenes import measure, picture
+from glint_addon.materials.find import is_glint_material
 from tests.helpers.counters import counters
 
 from . import suite

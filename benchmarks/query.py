@@ -19,12 +19,12 @@ import time
 from pathlib import Path
 
 import numpy as np
-from glint_addon.materials.find import glint_groups
 
 from demo_scenes import measure, stage
 from glint_addon.bake.normal_map import decoded_normals
 from glint_addon.bake.openimageio import oiio
 from glint_addon.bake.table import bake_table
+from glint_addon.materials.find import glint_groups
 from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
 from glint_addon.nodes.script_node import compile_script_node
 

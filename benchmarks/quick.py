@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from glint_addon.materials.find import is_glint_material
-
 from demo_scenes import measure
+from glint_addon.materials.find import is_glint_material
 from tests.helpers.counters import counters
 
 from . import cost, methods, suite

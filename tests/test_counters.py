@@ -8,13 +8,13 @@ import re
 import bpy
 import numpy as np
 import pytest
-from glint_addon.materials.find import glint_groups
 from mathutils import Vector
 
 from demo_scenes import maps, stage
 from glint_addon import close_views, paths
 from glint_addon.lights.choice import LARGEST_VISIT
 from glint_addon.materials.create import create_glint_material
+from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
 from glint_addon.prepare import prepare_scene

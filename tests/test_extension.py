@@ -3,11 +3,11 @@
 import bpy
 import numpy as np
 import pytest
-from glint_addon.materials.find import glint_groups
 
 from demo_scenes import maps
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.errors import MapError
+from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_bsdf
 from tests.helpers import cycles
 from tests.helpers.counters import REASONS, counters

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from glint_addon.materials.find import glint_groups
 from mathutils import Vector
 
 from glint_addon import create_glint_material, prepare_scene
+from glint_addon.materials.find import glint_groups
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 from tests.helpers.stress_stage import add_lamp, add_square

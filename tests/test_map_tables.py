@@ -5,7 +5,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from glint_addon.materials.find import glint_groups
 
 import glint_addon
 from glint_addon import create_glint_material, prepare_scene
@@ -13,6 +12,7 @@ from glint_addon.bake import counts, slope_index
 from glint_addon.bake.normal_map import decoded_normals
 from glint_addon.errors import CancelledError
 from glint_addon.images import image_pixels
+from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_bsdf
 from glint_addon.nodes.builder import STAMP
 from glint_addon.nodes.glint_bsdf import map_of

@@ -3,10 +3,10 @@
 import bpy
 import numpy as np
 import pytest
-from glint_addon.materials.find import glint_groups, is_glint_material
 
 from glint_addon import create_glint_material
 from glint_addon.errors import GlintError, MapError, ShaderError
+from glint_addon.materials.find import glint_groups, is_glint_material
 from glint_addon.nodes import glint_bsdf
 from glint_addon.nodes.glint_bsdf import map_of
 from tests.helpers.extension import data_names, write_flake_map

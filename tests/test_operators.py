@@ -4,9 +4,9 @@ from pathlib import Path
 
 import bpy
 import pytest
-from glint_addon.materials.find import glint_groups, is_glint_material
 
 import glint_addon
+from glint_addon.materials.find import glint_groups, is_glint_material
 from glint_addon.nodes import GROUPS
 from glint_addon.nodes.glint_bsdf import group_binding, is_glint_group, map_of
 from tests.helpers import cycles

@@ -5,10 +5,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from glint_addon.materials.find import glint_groups
 
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.errors import MapError, TableError
+from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_bsdf, glint_lights, image_texture
 from glint_addon.nodes.glint_bsdf import map_of
 from glint_addon.paths import TABLE_FOLDER_NAME, disk_path, table_folder

@@ -5,9 +5,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from glint_addon.materials.find import glint_groups
 
 from glint_addon import create_glint_material, prepare_scene
+from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_bsdf
 from glint_addon.paths import disk_path
 from tests.helpers import cycles

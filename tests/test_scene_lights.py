@@ -7,11 +7,11 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from glint_addon.materials.find import glint_groups
 
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.changes import changes_since_prepared
 from glint_addon.errors import SceneError
+from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.driven import Keyed, number_at, write_number
 from glint_addon.nodes.glint_bsdf import lights_of

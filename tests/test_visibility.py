@@ -6,10 +6,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from glint_addon.materials.find import glint_groups
 
 import glint_addon
 from glint_addon import create_glint_material, prepare_scene
+from glint_addon.materials.find import glint_groups
 from glint_addon.paths import stored_path
 from glint_addon.visibility import unseen_objects
 from tests.helpers import cycles

@@ -148,7 +148,7 @@ def _bake(script, image, folder) -> bool:
     """Bake the pyramid of `image` and point the Script node to it; whether a file was written."""
     # Menus import this module when Blender starts; what bakes is loaded only to bake.
     from ..bake.pyramid import bake_pyramid
-    from .blender_image import stored_image
+    from ..images.stored import stored_image
 
     stored = stored_image(image)
     path, written = bake_pyramid(

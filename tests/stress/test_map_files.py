@@ -8,12 +8,12 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from glint_addon.materials.find import is_glint_material
 
 import glint_addon
 from demo_scenes import maps
 from demo_scenes.truth import truth_material
 from glint_addon.errors import MapError
+from glint_addon.materials.find import is_glint_material
 from tests.helpers import cycles
 from tests.helpers.stress import compare
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..bake.pyramid import srgb_encoded
 from ..errors import MapError
-from ..images import is_layered, layer_pixels, read_pixels
-from ..images.color_spaces import decoded_values, scene_linear
+from . import is_layered, layer_pixels, read_pixels
+from .color_spaces import decoded_values, scene_linear
 
 # Cycles keeps sRGB images encoded in memory, if its working space has the same primaries.
 SRGB = "sRGB"
