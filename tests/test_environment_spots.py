@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from glint_addon.lights.environment_spots import SHARE, bright_spots
-from glint_addon.lights.projections import PROJECTIONS
+from glint_addon.lights.world.projections import PROJECTIONS
+from glint_addon.lights.world.spots import SHARE, bright_spots
 
 SIZES = {"EQUIRECTANGULAR": (500, 1100), "MIRROR_BALL": (700, 700)}  # no multiple of a block's side
 SOFT = math.radians(15)

@@ -15,9 +15,9 @@ from demo_scenes.truth import truth_material
 from glint_addon.bake.float_image import write_image
 from glint_addon.images import read_pixels
 from glint_addon.lights.drivers import connect_hints
-from glint_addon.lights.sky_sun import SKIES_WITH_SUN
-from glint_addon.lights.world import world_hints
-from glint_addon.lights.world_picture import linear_pixels
+from glint_addon.lights.world.hints import world_hints
+from glint_addon.lights.world.picture import linear_pixels
+from glint_addon.lights.world.sky_sun import SKIES_WITH_SUN
 from glint_addon.materials.create import create_glint_material
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_lights import KIND_SUN

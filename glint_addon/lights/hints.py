@@ -13,7 +13,7 @@ from .hint import Hint
 from .instances import instance_hints
 from .lamps import lamp_hints
 from .receivers import glint_objects, world_bounds
-from .world import world_hints
+from .world.hints import world_hints
 
 
 def rendered_layers(scene) -> list[bpy.types.ViewLayer]:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from math import cos, prod, sin
 
-from ..nodes.driven import Driven
-from .node_numbers import Number, read
+from ...nodes.driven import Driven
+from ..node_numbers import Number, read
 
 Sum = dict[tuple[str, ...], float]
 

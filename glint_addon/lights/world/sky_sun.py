@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from math import asin, cos, degrees, exp, sin
 
-from ..animation.curves import is_animated, peak_value, values_over
-from ..nodes.driven import Keyed
-from ..nodes.glint_lights import KIND_NONE, KIND_SUN
+from ...animation.curves import is_animated, peak_value, values_over
+from ...nodes.driven import Keyed
+from ...nodes.glint_lights import KIND_NONE, KIND_SUN
 
 PLACE = ("sun_elevation", "sun_rotation", "sun_size")  # properties of the node, all in radians
 SKIES_WITH_SUN = {"SINGLE_SCATTERING", "MULTIPLE_SCATTERING"}

@@ -7,8 +7,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..bake.openimageio import oiio
-from ..images import read_pixels
+from ...bake.openimageio import oiio
+from ...images import read_pixels
 
 ROWS = 64  # of a file read at a time: all of a picture at once would take its memory twice
 RGB = ("R", "G", "B")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .node_numbers import number, source
+from ..node_numbers import number, source
 from .trigonometry import Angles, Sum, negative, turned
 
 # A shift or a stretch below it moves a spot by less than a hundredth of a sun's width.

@@ -6,17 +6,17 @@ from math import dist
 
 import numpy as np
 
-from ..images import USABLE_SOURCES
-from ..nodes.driven import Driven
-from ..nodes.glint_lights import HINT_COUNT, KIND_NONE, KIND_SUN
-from .environment_spots import bright_spots
-from .hint import Hint
+from ...images import USABLE_SOURCES
+from ...nodes.driven import Driven
+from ...nodes.glint_lights import HINT_COUNT, KIND_NONE, KIND_SUN
+from ..hint import Hint
+from ..softness import SOFT_HALF_ANGLE, TOO_SOFT
+from .direction import UnreadableMappingError, in_world
+from .picture import linear_pixels
 from .sky_sun import SKIES_WITH_SUN, sun_irradiance, sun_now, sun_over_time
-from .softness import SOFT_HALF_ANGLE, TOO_SOFT
+from .spots import bright_spots
+from .textures import world_textures
 from .trigonometry import Angles, constant
-from .world_direction import UnreadableMappingError, in_world
-from .world_picture import linear_pixels
-from .world_textures import world_textures
 
 # Measured: with the world's sampling off, a sun of a picture had the same noise with a hint as without.
 MET_BY_CHANCE = "its light is met by chance alone, where no hint helps: set World > Settings > Sampling to Auto"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from .node_numbers import number, source
+from ..node_numbers import number, source
 
 SENDERS = {"ShaderNodeBackground", "ShaderNodeEmission"}
 TEXTURES = {"ShaderNodeTexEnvironment", "ShaderNodeTexSky"}
