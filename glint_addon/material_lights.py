@@ -16,7 +16,7 @@ from .lights.receivers import lit_objects
 from .nodes.glint_bsdf import is_glint_group, lights_of, map_of
 from .nodes.glint_lights import set_of
 from .reach import facets_of, judgements
-from .views import scene_views
+from .seen.views import scene_views
 
 SHARPEST = 0.01  # alpha that lights are ranked by where a material's roughness cannot be told
 

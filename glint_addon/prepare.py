@@ -18,11 +18,11 @@ from .nodes import glint_bsdf, image_texture
 from .nodes.glint_bsdf import image_read, lights_of, map_of, stored_text
 from .nodes.glint_lights import set_of
 from .nodes.script_node import osl_available
+from .seen.visibility import unseen_objects
 from .shading_system import NO_OSL, ON_GPU, choose_shading_system, is_on
 from .table_budget import DEFAULT_BUDGET, fit_budget
 from .table_files import keep_tables
 from .uses import glint_uses, unknown_materials
-from .visibility import unseen_objects
 
 COUNTS = ("tables_baked", "tables_in_use", "bytes_baked", "bytes_in_use", "images_read")
 

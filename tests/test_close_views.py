@@ -9,9 +9,9 @@ import pytest
 from demo_scenes import stage
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.close_views import CLOSE_UP, FEWEST_TEXELS
-from glint_addon.eyes import scene_eyes
 from glint_addon.lights.softness import SOFT_HALF_ANGLE, TOO_SOFT
-from glint_addon.surface import is_closed, pixels_filled, surface_patches
+from glint_addon.seen.eyes import scene_eyes
+from glint_addon.seen.surface import is_closed, pixels_filled, surface_patches
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 

@@ -6,12 +6,13 @@ import bpy
 import numpy as np
 import pytest
 
-from glint_addon import create_glint_material, footprints, paths
+from glint_addon import create_glint_material, paths
 from glint_addon.animation.poses import poses
 from glint_addon.bake.counts import counts_levels
-from glint_addon.footprints import EVERYTHING, MARGIN, NOTHING, counts_levels_reached, footprint_range
 from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import script_node
+from glint_addon.seen import footprints
+from glint_addon.seen.footprints import EVERYTHING, MARGIN, NOTHING, counts_levels_reached, footprint_range
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 from tests.helpers.osl_functions import ROWS, evaluate

@@ -20,7 +20,7 @@ from glint_addon.lights.hint import Hint
 from glint_addon.nodes import glint_bsdf, glint_lights
 from glint_addon.nodes.scene_lights import HOLDER
 from glint_addon.reach import REGION, Facets, judgements
-from glint_addon.views import scene_views
+from glint_addon.seen.views import scene_views
 from tests.helpers import cycles
 from tests.helpers.counters import counters
 from tests.helpers.extension import data_names, write_flake_map

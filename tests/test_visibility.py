@@ -11,7 +11,7 @@ import glint_addon
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.materials.find import glint_groups
 from glint_addon.paths import stored_path
-from glint_addon.visibility import unseen_objects
+from glint_addon.seen.visibility import unseen_objects
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 

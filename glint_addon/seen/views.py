@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .animation.curves import is_animated
-from .animation.frames import chosen_frames
-from .animation.motion import copies_others
+from ..animation.curves import is_animated
+from ..animation.frames import chosen_frames
+from ..animation.motion import copies_others
+from ..materials.worn import worn_materials
+from ..nodes.glint_bsdf import is_glint_group
 from .eyes import Eye, scene_eyes
-from .materials.worn import worn_materials
-from .nodes.glint_bsdf import is_glint_group
 from .visibility import scene_cameras
 
 # Rougher surfaces (alpha from 0.25) blur what they mirror so much that it needs no hints.

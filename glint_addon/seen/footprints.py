@@ -9,13 +9,13 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from .animation.frames import scene_frames
-from .animation.motion import copies_others, has_rigid_box
-from .animation.poses import poses
-from .bake.counts import counts_levels
+from ..animation.frames import scene_frames
+from ..animation.motion import copies_others, has_rigid_box
+from ..animation.poses import poses
+from ..bake.counts import counts_levels
+from ..materials.worn import worn_materials
 from .coordinates import evaluated_mesh, face_planes, texel_densities, uv_transforms, vertices
 from .eyes import depth_range, is_inside, scene_eyes
-from .materials.worn import worn_materials
 
 # Radius in pixels of the footprint of one of `samples` samples: osl/footprint.h.
 FOOTPRINT_SCALE = 1.1

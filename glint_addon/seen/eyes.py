@@ -8,9 +8,9 @@ from itertools import combinations, product
 import numpy as np
 from mathutils import Matrix
 
-from .animation.curves import is_animated
-from .animation.motion import keeps_its_shape
-from .animation.poses import poses
+from ..animation.curves import is_animated
+from ..animation.motion import keeps_its_shape
+from ..animation.poses import poses
 from .visibility import MARGIN, scene_cameras
 
 ROUNDING = 1e-6  # of coordinates relative to the scene's size

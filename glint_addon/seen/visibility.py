@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .animation.motion import copies_others, has_fixed_box, is_fixed
+from ..animation.motion import copies_others, has_fixed_box, is_fixed
 
 # The view is judged as a square this much wider than its longer side: for the pixel filter, which looks a few pixels
 # beyond the edge, and for a resolution that changes after the scene was prepared.

@@ -1,0 +1,1 @@
+"""What cameras see: of objects, of their surfaces, and of the maps on them, in texels."""
