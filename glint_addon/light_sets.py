@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import bpy
 
+from .choice.material_lights import material_choices, material_families
 from .errors import GlintError
 from .lights.drivers import connect_hints
 from .lights.hints import rendered_layers, scene_candidates
 from .lights.receivers import copied_places
 from .lights.shutter import shutter_ways
-from .material_lights import material_choices, material_families
 from .materials.find import glint_groups
 from .materials.worn import worn_materials
 from .nodes import glint_lights

@@ -13,7 +13,7 @@
 
 /* Elements visited a sample at most: 4096 cost about 200 us of one core. Fewer leave noise in views of a thousand texels
  * a pixel that more samples do not make up for (512: error 0.27 instead of 0.12 at 4 samples). Where most noise is that of
- * lights which are not looked for, fewer are worth it (Choice of glint_addon/lights/choice.py): a hundred lamps, 4 samples:
+ * lights which are not looked for, fewer are worth it (Choice of glint_addon/choice/ranking.py): a hundred lamps, 4 samples:
  * error 3.9, 58 us a sample with 4096; 4.1, 9 us with 64; 4.6, 6 us with 16. */
 #define LARGEST_VISIT 4096
 /* So few visits cost no more than counts, which under eight lights take 25 to 40 us. */

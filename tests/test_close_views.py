@@ -8,7 +8,7 @@ import pytest
 
 from demo_scenes import stage
 from glint_addon import create_glint_material, prepare_scene
-from glint_addon.close_views import CLOSE_UP, FEWEST_TEXELS
+from glint_addon.choice.close_views import CLOSE_UP, FEWEST_TEXELS
 from glint_addon.lights.softness import SOFT_HALF_ANGLE, TOO_SOFT
 from glint_addon.seen.eyes import scene_eyes
 from glint_addon.seen.surface import is_closed, pixels_filled, surface_patches

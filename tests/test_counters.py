@@ -11,8 +11,9 @@ import pytest
 from mathutils import Vector
 
 from demo_scenes import maps, stage
-from glint_addon import close_views, paths
-from glint_addon.lights.choice import LARGEST_VISIT
+from glint_addon import paths
+from glint_addon.choice import close_views
+from glint_addon.choice.ranking import LARGEST_VISIT
 from glint_addon.materials.create import create_glint_material
 from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_lights

@@ -7,19 +7,11 @@ import numpy as np
 import pytest
 
 from glint_addon import create_glint_material, prepare_scene
-from glint_addon.lights.choice import (
-    FEWEST_VISITS,
-    LARGEST_VISIT,
-    MISSES,
-    OUT_OF_REACH,
-    TOO_DIM,
-    TOO_MANY,
-    choose,
-)
+from glint_addon.choice.ranking import FEWEST_VISITS, LARGEST_VISIT, MISSES, OUT_OF_REACH, TOO_DIM, TOO_MANY, choose
+from glint_addon.choice.reach import REGION, Facets, judgements
 from glint_addon.lights.hint import Hint
 from glint_addon.nodes import glint_bsdf, glint_lights
 from glint_addon.nodes.scene_lights import HOLDER
-from glint_addon.reach import REGION, Facets, judgements
 from glint_addon.seen.views import scene_views
 from tests.helpers import cycles
 from tests.helpers.counters import counters

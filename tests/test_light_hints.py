@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from glint_addon.lights.choice import TOO_MANY
+from glint_addon.choice.ranking import TOO_MANY
 from glint_addon.lights.irradiance import irradiance
 from glint_addon.lights.lamps import MISSES
 from glint_addon.lights.receivers import glint_objects, lit_objects, world_bounds

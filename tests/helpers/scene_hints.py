@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from glint_addon.choice.ranking import choose
 from glint_addon.lights import hints
-from glint_addon.lights.choice import choose
 from glint_addon.lights.receivers import copied_places
 
 

@@ -13,7 +13,8 @@ from benchmarks.query_scene import FOOTPRINT_RADIUS, light_direction, unit_norma
 from demo_scenes import maps
 from demo_scenes.measure import luminance
 from demo_scenes.truth import truth_material
-from glint_addon import close_views, create_glint_material, prepare_scene
+from glint_addon import create_glint_material, prepare_scene
+from glint_addon.choice import close_views
 from tests.helpers import cycles
 from tests.helpers.stress import compare
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
-from .animation.frames import chosen_frames
+from ..animation.frames import chosen_frames
+from ..lights.receivers import lit_objects
+from ..nodes.glint_bsdf import is_glint_group, lights_of, map_of
+from ..nodes.glint_lights import set_of
+from ..seen.views import scene_views
 from .close_views import CLOSE_UP, is_close_up
-from .lights.choice import Choice, boxes_over, choose, noise_in_remainder
-from .lights.receivers import lit_objects
-from .nodes.glint_bsdf import is_glint_group, lights_of, map_of
-from .nodes.glint_lights import set_of
+from .ranking import Choice, boxes_over, choose, noise_in_remainder
 from .reach import facets_of, judgements
-from .seen.views import scene_views
 
 SHARPEST = 0.01  # alpha that lights are ranked by where a material's roughness cannot be told
 

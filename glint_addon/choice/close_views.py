@@ -6,12 +6,12 @@ from math import inf, pi
 
 import numpy as np
 
-from .animation.places import places
-from .nodes.glint_bsdf import group_binding
+from ..animation.places import places
+from ..nodes.glint_bsdf import group_binding
+from ..seen.coordinates import largest_texel_area, uv_transforms
+from ..seen.footprints import FOOTPRINT_EXPONENT, FOOTPRINT_SCALE, rigid_mesh
+from ..seen.surface import pixels_filled
 from .reach import patches_over
-from .seen.coordinates import largest_texel_area, uv_transforms
-from .seen.footprints import FOOTPRINT_EXPONENT, FOOTPRINT_SCALE, rigid_mesh
-from .seen.surface import pixels_filled
 
 # Samples a pixel that footprints are judged by: with more they are smaller still, with fewer hardly anybody renders.
 SAMPLES = 4

@@ -13,10 +13,10 @@ import numpy as np
 from ..animation.curves import is_animated, peak_value
 from ..animation.motion import has_fixed_box, has_rigid_box, is_fixed
 from ..animation.places import Posed, is_still, places
+from ..lights.hint import Hint
+from ..lights.irradiance import irradiance
+from ..lights.softness import TOO_SOFT
 from ..nodes.glint_lights import HINT_COUNT, KIND_SUN
-from .hint import Hint
-from .irradiance import irradiance
-from .softness import TOO_SOFT
 
 # Lights that together make no more than this part of the noise are not looked for: all that are share the closures.
 # Measured with a sun and seven dim ones at 4 spp, all hinted or one: error 0.15 or 0.34 where the dim ones are 0.008 of

@@ -12,17 +12,17 @@ from math import inf
 import numpy as np
 from mathutils import Matrix
 
-from .animation.curves import is_animated, peak_value
-from .animation.motion import has_rigid_box
-from .animation.places import Posed, is_still, places
-from .lights.hint import Hint
-from .lights.irradiance import irradiances
-from .lights.size import cross_section
-from .lights.softness import SOFT_HALF_ANGLE
-from .nodes.glint_lights import KIND_SUN
-from .seen.coordinates import evaluated_mesh
-from .seen.surface import Patches, pixels_filled, surface_patches
-from .seen.views import Views
+from ..animation.curves import is_animated, peak_value
+from ..animation.motion import has_rigid_box
+from ..animation.places import Posed, is_still, places
+from ..lights.hint import Hint
+from ..lights.irradiance import irradiances
+from ..lights.size import cross_section
+from ..lights.softness import SOFT_HALF_ANGLE
+from ..nodes.glint_lights import KIND_SUN
+from ..seen.coordinates import evaluated_mesh
+from ..seen.surface import Patches, pixels_filled, surface_patches
+from ..seen.views import Views
 
 # Half-width of the selected region in alpha: REGION in osl/light_hint.h.
 REGION = 2.5
