@@ -24,7 +24,7 @@ from glint_addon.bake.slope_index import bake_index
 from glint_addon.bake.table import bake_table
 from glint_addon.images import image_pixels
 from glint_addon.materials.create import create_glint_material
-from glint_addon.prepare import prepare_scene
+from glint_addon.prepare.scene import prepare_scene
 
 from .record import write_json
 

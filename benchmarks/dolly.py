@@ -17,7 +17,7 @@ import numpy as np
 
 from demo_scenes import picture
 from glint_addon.materials.create import create_glint_material
-from glint_addon.prepare import prepare_scene
+from glint_addon.prepare.scene import prepare_scene
 
 from . import dolly_scene, dolly_truth
 from .command import run_command

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from demo_scenes import measure
-from glint_addon.prepare import prepare_scene
+from glint_addon.prepare.scene import prepare_scene
 from tests.helpers.counters import counters
 
 from . import light_scene

@@ -13,7 +13,7 @@ import numpy as np
 from demo_scenes import maps, measure, stage
 from demo_scenes.truth import truth_material
 from glint_addon.materials.create import create_glint_material
-from glint_addon.prepare import prepare_scene
+from glint_addon.prepare.scene import prepare_scene
 
 from .command import run_command
 from .cost import render_cost

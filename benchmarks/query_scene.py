@@ -16,7 +16,7 @@ from demo_scenes import maps, stage
 from glint_addon.lights.drivers import connect_hints
 from glint_addon.materials.create import create_glint_material
 from glint_addon.nodes import glint_lights
-from glint_addon.prepare import prepare_scene
+from glint_addon.prepare.scene import prepare_scene
 
 SIDE = 24  # pixels
 TEXELS = 1024  # of the maps, a side

@@ -16,7 +16,7 @@ import numpy as np
 from demo_scenes import maps, stage
 from demo_scenes.truth import truth_material
 from glint_addon.materials.create import create_glint_material
-from glint_addon.prepare import prepare_scene
+from glint_addon.prepare.scene import prepare_scene
 
 SIZE = (48, 48)  # pixels
 MAP_STEPS = 4096  # levels of a normal map that its digest tells apart: rounding of another processor must not count

@@ -16,7 +16,7 @@ import numpy as np
 from demo_scenes import maps, measure, stage
 from demo_scenes.truth import truth_material
 from glint_addon.materials.create import create_glint_material
-from glint_addon.prepare import prepare_scene
+from glint_addon.prepare.scene import prepare_scene
 
 from .cost import pinned_samples
 from .query_scene import ALPHA, FILTER_WIDTH, FOOTPRINT_RADIUS, HALF_VECTORS, SIDE, add_wall, light_direction

@@ -15,7 +15,7 @@ import numpy as np
 
 from demo_scenes import measure, picture
 from glint_addon.materials.create import create_glint_material
-from glint_addon.prepare import prepare_scene
+from glint_addon.prepare.scene import prepare_scene
 
 from . import temporal_scenes, temporal_truth
 from .command import run_command

@@ -3,7 +3,11 @@
 from importlib import import_module
 
 # Public functions and the modules they come from; loaded at first use, because they need Blender.
-_PUBLIC = {"changes_since_prepared": "changes", "create_glint_material": "materials.create", "prepare_scene": "prepare"}
+_PUBLIC = {
+    "changes_since_prepared": "prepare.changes",
+    "create_glint_material": "materials.create",
+    "prepare_scene": "prepare.scene",
+}
 
 __all__ = [  # noqa: F822  (see __getattr__)
     "changes_since_prepared", "create_glint_material", "prepare_scene", "register", "unregister",
@@ -18,7 +22,8 @@ def __getattr__(name):
 
 def register():
     """Register the extension with Blender."""
-    from . import cli, file_events, operators, ui, watch
+    from . import cli, operators, ui
+    from .prepare import file_events, watch
 
     operators.register()
     ui.register()
@@ -29,7 +34,8 @@ def register():
 
 def unregister():
     """Remove everything `register` added."""
-    from . import cli, file_events, operators, ui, watch
+    from . import cli, operators, ui
+    from .prepare import file_events, watch
 
     cli.unregister()
     watch.unregister()

@@ -149,7 +149,7 @@ def material_facts() -> list[dict]:
 def scene_facts() -> list[dict]:
     """What the last preparation of each scene found, and advice on its settings."""
     from .operators.keep_glints import ADVICE, softens_glints
-    from .shading_system import is_on
+    from .prepare.shading_system import is_on
 
     facts = []
     for scene in bpy.data.scenes:
@@ -173,8 +173,8 @@ def scene_facts() -> list[dict]:
 
 def changes_of(scene) -> list[str]:
     """What changed since `scene` was prepared; nothing has been evaluated yet in a file that was just opened."""
-    from .changes import changes_since_prepared
-    from .uses import render_layers
+    from .prepare.changes import changes_since_prepared
+    from .prepare.uses import render_layers
 
     for layer in render_layers(scene):
         layer.update()
@@ -185,7 +185,7 @@ def prepare(scene) -> list[str]:
     """Prepare `scene`, keep the report on it, and return it as lines."""
     from .operators.prepare import counts_line, summary
     from .operators.scene_state import store_report
-    from .prepare import prepare_scene
+    from .prepare.scene import prepare_scene
 
     with terminal_progress() as progress:
         report = prepare_scene(scene, progress=progress)

@@ -10,11 +10,11 @@ import pytest
 
 from glint_addon import changes_since_prepared, create_glint_material, prepare_scene
 from glint_addon.bake.float_image import is_whole
-from glint_addon.changes import NOT_PREPARED, OTHER_VERSION, PREPARED
 from glint_addon.materials.create import bound_group
 from glint_addon.materials.find import glint_groups
 from glint_addon.nodes.glint_bsdf import FACETS_NODE, IMAGE_NODE, NORMAL_NODE, VERSION, map_of
 from glint_addon.paths import TABLE_FOLDER_NAME
+from glint_addon.prepare.changes import NOT_PREPARED, OTHER_VERSION, PREPARED
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 from tests.test_emitters import add_bulb

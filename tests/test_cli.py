@@ -13,7 +13,7 @@ import pytest
 from glint_addon import cli, pictures
 from glint_addon.errors import SceneError
 from glint_addon.images import image_pixels
-from glint_addon.shading_system import LEFT_OFF
+from glint_addon.prepare.shading_system import LEFT_OFF
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 
@@ -86,7 +86,7 @@ def test_interrupted_while_baking_nothing_has_changed(capfd, blend, monkeypatch)
         signal.raise_signal(signal.SIGINT)
         return image_pixels(image)
 
-    monkeypatch.setattr("glint_addon.map_tables.image_pixels", read)
+    monkeypatch.setattr("glint_addon.prepare.map_tables.image_pixels", read)
     content, before = blend.read_bytes(), signal.getsignal(signal.SIGINT)
     assert "Stopped with Ctrl-C: nothing has changed" in refused(capfd, "prepare", blend)
     assert blend.read_bytes() == content and not (blend.parent / "glint_tables").exists()

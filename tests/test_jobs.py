@@ -9,12 +9,12 @@ import pytest
 
 from glint_addon import create_glint_material
 from glint_addon.errors import CancelledError, MapError, SceneError
-from glint_addon.jobs import Job, Running, finished
 from glint_addon.operators import in_background
 from glint_addon.operators.failing_softly import FailsSoftly
 from glint_addon.operators.in_background import RunsInBackground
 from glint_addon.paths import TABLE_FOLDER_NAME
-from glint_addon.prepare import preparation
+from glint_addon.prepare.jobs import Job, Running, finished
+from glint_addon.prepare.scene import preparation
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 from tests.test_prepare import state

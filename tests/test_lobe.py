@@ -13,7 +13,7 @@ from demo_scenes.truth import truth_material
 from glint_addon.materials.create import create_glint_material
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.driven import write_number
-from glint_addon.prepare import prepare_scene
+from glint_addon.prepare.scene import prepare_scene
 
 from .helpers import cycles
 from .helpers.counters import counters

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from glint_addon import watch
 from glint_addon.nodes import GROUPS
 from glint_addon.nodes.glint_bsdf import IMAGE_NODE
 from glint_addon.operators.scene_state import store_report
-from glint_addon.shading_system import LEFT_OFF, NO_OSL, ON_GPU
+from glint_addon.prepare import watch
+from glint_addon.prepare.shading_system import LEFT_OFF, NO_OSL, ON_GPU
 from glint_addon.ui import menus, text
 from glint_addon.ui.lights_panel import GLINT_PT_lights
 from glint_addon.ui.panel import GLINT_PT_material, GLINT_PT_tables

@@ -101,7 +101,7 @@ def test_the_second_call_does_not_even_read_the_image(scene, plane, monkeypatch)
     def read(image):
         raise AssertionError(f"{image.name} was read again")
 
-    monkeypatch.setattr("glint_addon.map_tables.image_pixels", read)
+    monkeypatch.setattr("glint_addon.prepare.map_tables.image_pixels", read)
     assert prepare_scene(scene)["reused"]
 
 
@@ -374,7 +374,7 @@ def test_another_engine_is_warned_about(scene, plane):
 
 
 def test_a_blender_without_osl_is_told_and_bakes_nothing(scene, plane, blend, monkeypatch):
-    for module in ("prepare", "shading_system"):
+    for module in ("prepare.scene", "prepare.shading_system"):
         monkeypatch.setattr(f"glint_addon.{module}.osl_available", lambda: False)
     scene.cycles.shading_system = False
     report = prepare_scene(scene)

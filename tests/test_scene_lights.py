@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from glint_addon import create_glint_material, prepare_scene
-from glint_addon.changes import changes_since_prepared
 from glint_addon.errors import SceneError
 from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.driven import Keyed, number_at, write_number
 from glint_addon.nodes.glint_bsdf import lights_of
 from glint_addon.nodes.scene_lights import HOLDER, followed_objects, has_set, lights_entry, own_holder
+from glint_addon.prepare.changes import changes_since_prepared
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 from tests.helpers.stress_stage import add_lamp, add_square

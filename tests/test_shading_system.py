@@ -6,7 +6,7 @@ import pytest
 
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.nodes import checker
-from glint_addon.shading_system import LEFT_OFF, LEFT_ON
+from glint_addon.prepare.shading_system import LEFT_OFF, LEFT_ON
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 

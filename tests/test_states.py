@@ -10,13 +10,14 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from glint_addon import changes_since_prepared, cli, prepare_scene, watch
-from glint_addon.changes import table_states
+from glint_addon import changes_since_prepared, cli, prepare_scene
 from glint_addon.errors import GlintError
 from glint_addon.nodes.glint_bsdf import OWN_NODES
 from glint_addon.nodes.glint_lights import KIND_LOCAL, KIND_NONE, KIND_SUN
 from glint_addon.nodes.scene_lights import PARTS, SHAPE
 from glint_addon.operators.change_map import GLINT_OT_change_map
+from glint_addon.prepare import watch
+from glint_addon.prepare.changes import table_states
 from glint_addon.ui import menus
 from glint_addon.ui.lights_panel import GLINT_PT_lights
 from glint_addon.ui.panel import GLINT_PT_material, GLINT_PT_tables

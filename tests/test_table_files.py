@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 import glint_addon
-from glint_addon import create_glint_material, file_events, paths, prepare_scene, table_files
-from glint_addon.changes import changes_since_prepared
+from glint_addon import create_glint_material, paths, prepare_scene
 from glint_addon.nodes import image_texture
 from glint_addon.nodes.glint_bsdf import is_glint_group
-from glint_addon.table_files import groups_with_tables, table_paths
+from glint_addon.prepare import file_events, table_files
+from glint_addon.prepare.changes import changes_since_prepared
+from glint_addon.prepare.table_files import groups_with_tables, table_paths
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 from tests.helpers.old_group import make_old

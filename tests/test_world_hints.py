@@ -22,7 +22,7 @@ from glint_addon.materials.create import create_glint_material
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_lights import KIND_SUN
 from glint_addon.nodes.scene_lights import HOLDER
-from glint_addon.prepare import prepare_scene
+from glint_addon.prepare.scene import prepare_scene
 
 from .helpers import cycles
 from .helpers.scene_hints import scene_hints

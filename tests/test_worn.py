@@ -6,7 +6,7 @@ import pytest
 
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.materials.worn import hidden_materials, worn_materials
-from glint_addon.uses import glint_uses, unknown_materials
+from glint_addon.prepare.uses import glint_uses, unknown_materials
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 from tests.helpers.stress_stage import add_lamp, add_square

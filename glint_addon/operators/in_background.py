@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..jobs import Running
+from ..prepare.jobs import Running
 
 INTERVAL = 0.1  # seconds between two looks at the work: a short bake must not wait for long
 PROGRESS_STEPS = 1000  # Blender's progress cursor counts in whole numbers
@@ -16,7 +16,7 @@ class RunsInBackground:
 
     def run(self, context):
         """All at once."""
-        from ..jobs import finished
+        from ..prepare.jobs import finished
 
         manager = context.window_manager
         manager.progress_begin(0, PROGRESS_STEPS)

@@ -4,7 +4,7 @@ import bpy
 
 from ..nodes.glint_bsdf import is_glint_group, map_of
 from ..nodes.image_texture import KIND as IMAGE_GROUP
-from ..watch import look_at
+from ..prepare.watch import look_at
 from .failing_softly import FailsSoftly
 from .in_background import RunsInBackground
 from .scene_state import store_report
@@ -29,7 +29,7 @@ class GLINT_OT_prepare(FailsSoftly, RunsInBackground, bpy.types.Operator):
 
     def steps(self, context):
         """What there is to do, as jobs."""
-        from ..prepare import preparation
+        from ..prepare.scene import preparation
 
         return preparation(context.scene)
 

@@ -2,7 +2,7 @@
 
 import bpy
 
-from .. import watch
+from ..prepare import watch
 from .place import PreparedPanel
 from .text import draw_sentence
 

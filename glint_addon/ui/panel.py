@@ -4,14 +4,14 @@ from pathlib import Path
 
 import bpy
 
-from .. import watch
 from ..errors import GlintError
 from ..nodes.glint_bsdf import PATHS, group_binding, map_of, stored_text
 from ..nodes.script_node import osl_available
 from ..operators.change_map import glint_nodes
 from ..operators.keep_glints import ADVICE, softens_glints
 from ..operators.prepare import has_glint_groups
-from ..shading_system import NO_OSL, ON_GPU, is_on
+from ..prepare import watch
+from ..prepare.shading_system import NO_OSL, ON_GPU, is_on
 from .place import GlintPanel, PreparedPanel
 from .text import draw_sentence
 

@@ -19,9 +19,10 @@ sys.path[0] = str(Path(__file__).resolve().parent.parent.parent)  # not this fol
 import bpy  # noqa: E402  (needs the lines above)
 
 import glint_addon  # noqa: E402
-from glint_addon import changes_since_prepared, cli, prepare_scene, watch  # noqa: E402
-from glint_addon.changes import table_states  # noqa: E402
+from glint_addon import changes_since_prepared, cli, prepare_scene  # noqa: E402
 from glint_addon.errors import GlintError  # noqa: E402
+from glint_addon.prepare import watch  # noqa: E402
+from glint_addon.prepare.changes import table_states  # noqa: E402
 from glint_addon.ui.panel import GLINT_PT_material  # noqa: E402
 from tests.helpers.extension import shader_editor, write_flake_map  # noqa: E402
 from tests.helpers.panel import words_of  # noqa: E402

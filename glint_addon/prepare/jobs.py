@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
 
-from .errors import CancelledError, SceneError
+from ..errors import CancelledError, SceneError
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from .animation.curves import is_animated
-from .lights.hints import rendered_objects
-from .materials.find import glint_groups
-from .materials.worn import hidden_materials, worn_materials
+from ..animation.curves import is_animated
+from ..lights.hints import rendered_objects
+from ..materials.find import glint_groups
+from ..materials.worn import hidden_materials, worn_materials
 
 
 def glint_uses(scene, *, update: bool = True) -> dict:

@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import bpy
 
-from .choice.material_lights import material_choices, material_families
-from .errors import GlintError
-from .lights.drivers import connect_hints
-from .lights.hints import rendered_layers, scene_candidates
-from .lights.receivers import copied_places
-from .lights.shutter import shutter_ways
-from .materials.find import glint_groups
-from .materials.worn import worn_materials
-from .nodes import glint_lights
-from .nodes.glint_bsdf import LIGHTS_NODE, group_binding, is_glint_group, lights_of
-from .nodes.scene_lights import HOLDER, copy_set, drop_other_sets, has_set
+from ..choice.material_lights import material_choices, material_families
+from ..errors import GlintError
+from ..lights.drivers import connect_hints
+from ..lights.hints import rendered_layers, scene_candidates
+from ..lights.receivers import copied_places
+from ..lights.shutter import shutter_ways
+from ..materials.find import glint_groups
+from ..materials.worn import worn_materials
+from ..nodes import glint_lights
+from ..nodes.glint_bsdf import LIGHTS_NODE, group_binding, is_glint_group, lights_of
+from ..nodes.scene_lights import HOLDER, copy_set, drop_other_sets, has_set
 
 
 def connect_lights(scene, uses) -> dict:

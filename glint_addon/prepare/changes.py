@@ -13,20 +13,20 @@ from pathlib import Path
 
 import bpy
 
-from .animation.curves import is_animated
-from .bake.float_image import is_whole
-from .errors import GlintError
-from .images import file_digest, image_state
-from .lights.emitters import reason_here as reason_here_mesh
-from .lights.emitters import reason_to_skip as reason_to_skip_mesh
-from .lights.emitters import shines
-from .lights.hints import rendered_objects
-from .lights.instances import rendered_members
-from .lights.lamps import reason_here, reason_to_skip
+from ..animation.curves import is_animated
+from ..bake.float_image import is_whole
+from ..errors import GlintError
+from ..images import file_digest, image_state
+from ..lights.emitters import reason_here as reason_here_mesh
+from ..lights.emitters import reason_to_skip as reason_to_skip_mesh
+from ..lights.emitters import shines
+from ..lights.hints import rendered_objects
+from ..lights.instances import rendered_members
+from ..lights.lamps import reason_here, reason_to_skip
+from ..nodes.glint_bsdf import VERSION, group_binding, map_of
+from ..nodes.scene_lights import followed_objects, held_sets
+from ..nodes.script_node import osl_available
 from .map_tables import remembered_tables
-from .nodes.glint_bsdf import VERSION, group_binding, map_of
-from .nodes.scene_lights import followed_objects, held_sets
-from .nodes.script_node import osl_available
 from .uses import glint_uses, render_layers
 
 PREPARED = "glint_prepared"  # property of a scene: digest and JSON of its facts when it was prepared

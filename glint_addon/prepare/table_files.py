@@ -18,8 +18,8 @@ from uuid import uuid4
 
 import bpy
 
-from . import paths
-from .nodes import glint_bsdf, image_texture
+from .. import paths
+from ..nodes import glint_bsdf, image_texture
 
 
 def keep_tables():

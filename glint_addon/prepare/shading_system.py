@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import bpy
 
-from .nodes.builder import STAMP
-from .nodes.glint_bsdf import is_glint_group
-from .nodes.script_node import osl_available
+from ..nodes.builder import STAMP
+from ..nodes.glint_bsdf import is_glint_group
+from ..nodes.script_node import osl_available
 
 SWITCHED_ON = "glint_switched_osl_on"  # property of a scene: it was Glint that switched OSL on there
 NO_OSL = "This Blender has no Open Shading Language: glints are rendered by its own nodes, with noise."

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import bpy
 
-from . import paths
+from .. import paths
+from ..errors import SceneError
+from ..materials.find import glint_groups, glint_lobes
+from ..nodes import glint_bsdf, image_texture
+from ..nodes.glint_bsdf import image_read, lights_of, map_of, stored_text
+from ..nodes.glint_lights import set_of
+from ..nodes.script_node import osl_available
+from ..seen.visibility import unseen_objects
 from .changes import remember_preparation
-from .errors import SceneError
 from .jobs import Job, finished
 from .light_sets import connect_lights
 from .map_tables import bake_plan, is_missing, map_plans, named_levels, remember
-from .materials.find import glint_groups, glint_lobes
-from .nodes import glint_bsdf, image_texture
-from .nodes.glint_bsdf import image_read, lights_of, map_of, stored_text
-from .nodes.glint_lights import set_of
-from .nodes.script_node import osl_available
-from .seen.visibility import unseen_objects
 from .shading_system import NO_OSL, ON_GPU, choose_shading_system, is_on
 from .table_budget import DEFAULT_BUDGET, fit_budget
 from .table_files import keep_tables

@@ -6,18 +6,18 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from . import paths
-from .bake.counts import bake_counts, file_size
-from .bake.float_image import is_whole
-from .bake.normal_map import decoded_normals, slope_bounds
-from .bake.slope_index import bake_index, index_shape
-from .bake.table import bake_table, padded_size
-from .images import image_pixels, image_shape, image_stamp, image_state
+from .. import paths
+from ..bake.counts import bake_counts, file_size
+from ..bake.float_image import is_whole
+from ..bake.normal_map import decoded_normals, slope_bounds
+from ..bake.slope_index import bake_index, index_shape
+from ..bake.table import bake_table, padded_size
+from ..images import image_pixels, image_shape, image_stamp, image_state
+from ..nodes import glint_bsdf
+from ..nodes.builder import STAMP
+from ..nodes.glint_bsdf import group_binding, image_read, stored_text
+from ..seen.footprints import counts_levels_reached, footprint_range, index_is_reached
 from .jobs import Job
-from .nodes import glint_bsdf
-from .nodes.builder import STAMP
-from .nodes.glint_bsdf import group_binding, image_read, stored_text
-from .seen.footprints import counts_levels_reached, footprint_range, index_is_reached
 
 TEXEL_BYTES = 16  # four 32-bit floats, in memory and in the file
 # Parts of a map's work: table of normals, index, counts.

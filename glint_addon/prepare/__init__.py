@@ -1,0 +1,1 @@
+"""The scene made ready: tables, sets of lights, Open Shading Language, and what changed since."""
