@@ -22,22 +22,24 @@ def __getattr__(name):
 
 def register():
     """Register the extension with Blender."""
-    from . import cli, operators, ui
+    from . import operators, ui
+    from .cli import command
     from .prepare import file_events, watch
 
     operators.register()
     ui.register()
     file_events.register()
     watch.register()
-    cli.register()
+    command.register()
 
 
 def unregister():
     """Remove everything `register` added."""
-    from . import cli, operators, ui
+    from . import operators, ui
+    from .cli import command
     from .prepare import file_events, watch
 
-    cli.unregister()
+    command.unregister()
     watch.unregister()
     file_events.unregister()
     ui.unregister()

@@ -2,13 +2,13 @@
 
 import sys
 
-from .streams import blender_talks_to_stderr
+from .cli.streams import blender_talks_to_stderr
 
 with blender_talks_to_stderr():
     import bpy  # noqa: F401  (Blender's other modules are found only after it)
 
 from . import register
-from .cli import main
+from .cli.command import main
 
 register()
 sys.exit(main(sys.argv[1:], program="python -m glint_addon"))

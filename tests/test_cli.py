@@ -10,7 +10,8 @@ from pathlib import Path
 import bpy
 import pytest
 
-from glint_addon import cli, pictures
+from glint_addon.cli import command as cli
+from glint_addon.cli import pictures
 from glint_addon.errors import SceneError
 from glint_addon.images import image_pixels
 from glint_addon.prepare.shading_system import LEFT_OFF
@@ -408,8 +409,8 @@ def test_settings_of_cycles_are_refused_for_another_engine(capfd, quick, words):
 
 def test_settings_of_cycles_are_refused_where_it_is_switched_off(blend):
     """In a process of its own: nothing of Cycles comes back as it was."""
-    code = ("import bpy, addon_utils, sys, glint_addon; from glint_addon import cli; glint_addon.register(); "
-            f"addon_utils.disable('cycles'); sys.exit(cli.main(['render', {str(blend)!r}, '--samples', '4']))")
+    code = ("import bpy, addon_utils, sys, glint_addon; from glint_addon.cli import command; glint_addon.register(); "
+            f"addon_utils.disable('cycles'); sys.exit(command.main(['render', {str(blend)!r}, '--samples', '4']))")
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert "glint: Cycles is switched off: switch it on in Edit > Preferences > Add-ons" in done.stderr

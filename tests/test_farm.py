@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from glint_addon import cli
+from glint_addon.cli import command as cli
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 

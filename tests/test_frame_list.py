@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
+from glint_addon.cli.frame_list import FIRST, LAST, MOST, checked_frame, frame_ranges
 from glint_addon.errors import SceneError
-from glint_addon.frame_list import FIRST, LAST, MOST, checked_frame, frame_ranges
 
 
 @pytest.mark.parametrize(

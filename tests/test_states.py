@@ -10,7 +10,8 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from glint_addon import changes_since_prepared, cli, prepare_scene
+from glint_addon import changes_since_prepared, prepare_scene
+from glint_addon.cli import command as cli
 from glint_addon.errors import GlintError
 from glint_addon.nodes.glint_bsdf import OWN_NODES
 from glint_addon.nodes.glint_lights import KIND_LOCAL, KIND_NONE, KIND_SUN

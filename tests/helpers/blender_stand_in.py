@@ -19,7 +19,7 @@ def with_extension(arguments):
 
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
     import glint_addon
-    from glint_addon import cli
+    from glint_addon.cli import command as cli
 
     glint_addon.register()
     return cli.main(rest)

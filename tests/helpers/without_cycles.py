@@ -19,7 +19,8 @@ sys.path[0] = str(Path(__file__).resolve().parent.parent.parent)  # not this fol
 import bpy  # noqa: E402  (needs the lines above)
 
 import glint_addon  # noqa: E402
-from glint_addon import changes_since_prepared, cli, prepare_scene  # noqa: E402
+from glint_addon import changes_since_prepared, prepare_scene  # noqa: E402
+from glint_addon.cli import command as cli  # noqa: E402
 from glint_addon.errors import GlintError  # noqa: E402
 from glint_addon.prepare import watch  # noqa: E402
 from glint_addon.prepare.changes import table_states  # noqa: E402

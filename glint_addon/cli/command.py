@@ -7,9 +7,9 @@ import sys
 
 import bpy
 
+from ..errors import GlintError, SceneError
+from .arguments import parser
 from .blend_file import check_copy, chosen_scene, open_file, save_file
-from .cli_arguments import parser
-from .errors import GlintError, SceneError
 from .frame_list import checked_frame, frame_ranges
 from .pictures import check_output, is_numbered, render_frames, render_still, set_output
 from .render_settings import set_engine_option, set_number, set_resolution, set_samples, use_view_layers
@@ -130,10 +130,10 @@ def describe_file(options) -> list[str]:
 
 def material_facts() -> list[dict]:
     """Each glint material of the open file with its maps; a table that is not on disk counts as not baked."""
-    from .bake.float_image import is_whole
-    from .materials.find import glint_groups, is_glint_material
-    from .nodes.glint_bsdf import map_of, stored_text
-    from .paths import disk_path
+    from ..bake.float_image import is_whole
+    from ..materials.find import glint_groups, is_glint_material
+    from ..nodes.glint_bsdf import map_of, stored_text
+    from ..paths import disk_path
 
     facts = []
     for material in filter(is_glint_material, bpy.data.materials):
@@ -148,8 +148,8 @@ def material_facts() -> list[dict]:
 
 def scene_facts() -> list[dict]:
     """What the last preparation of each scene found, and advice on its settings."""
-    from .operators.keep_glints import ADVICE, softens_glints
-    from .prepare.shading_system import is_on
+    from ..operators.keep_glints import ADVICE, softens_glints
+    from ..prepare.shading_system import is_on
 
     facts = []
     for scene in bpy.data.scenes:
@@ -173,8 +173,8 @@ def scene_facts() -> list[dict]:
 
 def changes_of(scene) -> list[str]:
     """What changed since `scene` was prepared; nothing has been evaluated yet in a file that was just opened."""
-    from .prepare.changes import changes_since_prepared
-    from .prepare.uses import render_layers
+    from ..prepare.changes import changes_since_prepared
+    from ..prepare.uses import render_layers
 
     for layer in render_layers(scene):
         layer.update()
@@ -183,9 +183,9 @@ def changes_of(scene) -> list[str]:
 
 def prepare(scene) -> list[str]:
     """Prepare `scene`, keep the report on it, and return it as lines."""
-    from .operators.prepare import counts_line, summary
-    from .operators.scene_state import store_report
-    from .prepare.scene import prepare_scene
+    from ..operators.prepare import counts_line, summary
+    from ..operators.scene_state import store_report
+    from ..prepare.scene import prepare_scene
 
     with terminal_progress() as progress:
         report = prepare_scene(scene, progress=progress)

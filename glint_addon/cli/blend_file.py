@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from .errors import SceneError
+from ..errors import SceneError
 
 
 def open_file(file: Path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from .errors import SceneError
+from ..errors import SceneError
 
 FIRST, LAST = -1048574, 1048574  # Blender's own limits, MINAFRAME and MAXFRAME
 MOST = 100_000  # frames in one list; an hour of film has 86,400, and what asks for more is a slip of the keyboard

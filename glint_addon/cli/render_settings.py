@@ -6,7 +6,7 @@ import math
 import re
 from difflib import get_close_matches
 
-from .errors import SceneError
+from ..errors import SceneError
 
 YES, NO = {"true", "on", "yes", "1"}, {"false", "off", "no", "0"}
 # What an option of each of Blender's kinds holds, in words; other kinds, such as pointers, cannot be written as text.

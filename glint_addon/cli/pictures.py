@@ -8,8 +8,8 @@ from pathlib import Path
 
 import bpy
 
+from ..errors import SceneError
 from .blend_file import blender
-from .errors import SceneError
 
 PICTURES = {
     ".exr": "OPEN_EXR",

@@ -6,7 +6,7 @@ import signal
 import sys
 from contextlib import contextmanager
 
-from .errors import CancelledError
+from ..errors import CancelledError
 
 
 @contextmanager

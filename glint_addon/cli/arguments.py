@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from . import paths
+from .. import paths
 
 # Shown under the help of every command.
 RECIPE = """\
