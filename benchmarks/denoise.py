@@ -13,10 +13,10 @@ import numpy as np
 
 from demo_scenes import measure, picture
 from glint_addon.materials.find import is_glint_material
-from tests.helpers.counters import counters
 
 from . import suite
 from .command import run_command
+from .counters import counters
 from .error import picture_error
 from .record import RESULTS, ROOT, machine, machine_line
 from .truth import stored

@@ -10,10 +10,10 @@ import numpy as np
 
 from demo_scenes import measure
 from glint_addon.prepare.scene import prepare_scene
-from tests.helpers.counters import counters
 
 from . import light_scene
 from .cost import render_cost
+from .counters import counters
 from .error import picture_error, truth_bias_noise
 from .light_scene import LOBE, NODES
 from .truth import converge, read_truth

@@ -12,14 +12,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.reference.selection import RINGS
-
 REGION = 2.5  # alpha, of osl/light_hint.h
 LIGHT_DEVIATION = 0.2  # alpha, along each axis: points of a sun of 0.5 degrees are so far off at alpha 0.01
 TRIALS = 1500  # the RMSE is then known to 3 %, a bias to a fortieth of the RMSE
 ELEMENTS = (30, 400)
 SQUARES = (6, 3, 2)
 SEED = 1
+# Outer radius of each ring of cells, in radii of the region, and its sectors; by number of cells of a hint,
+# as osl/selection.h has them.
+RINGS = {
+    37: ((0.18, 1), (0.45, 6), (0.72, 12), (np.inf, 18)),
+    19: ((0.25, 1), (0.6, 6), (np.inf, 12)),
+    14: ((0.25, 1), (0.6, 5), (np.inf, 8)),
+    7: ((0.37, 1), (np.inf, 6)),
+}
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from demo_scenes import measure
 from glint_addon.materials.find import is_glint_material
-from tests.helpers.counters import counters
 
 from . import cost, methods, suite
+from .counters import counters
 from .record import read_json, write_json
 from .run import table_bytes
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from demo_scenes.stage import THREADS
-from tests.helpers.counters import MODES, counters
 
 from . import query_scene, sweep_scene
 from .command import run_command
 from .cost import render_cost
+from .counters import MODES, counters
 from .record import RESULTS, machine, machine_line
 from .sweep_scene import AREAS, GLINT, NODES, SUNS
 

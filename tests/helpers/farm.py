@@ -15,7 +15,7 @@ from pathlib import Path
 
 import bpy
 
-from .cycles import read_image
+from tests.helpers.cycles import read_image
 
 # Reads jobs, one JSON list a line; answers each with an empty line, or with the error as JSON, on the first standard
 # output. Blender's own words go to standard error. It stands in its own folder, where there is no glint_addon to find.

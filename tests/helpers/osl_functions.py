@@ -16,8 +16,7 @@ import numpy as np
 from glint_addon import paths
 from glint_addon.bake.openimageio import oiio
 from glint_addon.nodes import script_node
-
-from . import cycles
+from tests.helpers import cycles
 
 SIDE = 32  # pixels; SIDE * SIDE input rows are rendered at once
 ROWS = SIDE * SIDE

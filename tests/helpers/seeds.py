@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import tempfile
-from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from .cycles import read_image, rendered
+from benchmarks.passes import seed_views
+from tests.helpers.cycles import read_image, rendered
 
 
 def rendered_seeds(scene, spp, count) -> np.ndarray:
@@ -38,25 +38,3 @@ def _views(scene, count):
         scene.render.filepath = str(Path(folder) / "render.exr")
         bpy.ops.render.render(write_still=True, scene=scene.name)
         return np.stack([read_image(Path(folder) / f"render{suffix}.exr") for suffix in suffixes])
-
-
-@contextmanager
-def seed_views(render, count):
-    """Within this block `render` has `count` views alone, all of the scene's camera; gives their files' suffixes."""
-    before = {view: view.use for view in render.views}
-    suffixes = [f"_view{index}" for index in range(count)]
-    for view in before:
-        view.use = False
-    for suffix in suffixes:
-        view = render.views.new(suffix)
-        # No camera has such a name, so each view takes the scene's own.
-        view.file_suffix = view.camera_suffix = suffix
-    render.use_multiview, render.views_format = True, "MULTIVIEW"
-    try:
-        yield suffixes
-    finally:
-        render.use_multiview = False
-        for suffix in suffixes:
-            render.views.remove(render.views[suffix])
-        for view, was_used in before.items():
-            view.use = was_used

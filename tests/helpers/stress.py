@@ -17,9 +17,8 @@ import glint_addon
 from demo_scenes import maps
 from demo_scenes.measure import luminance
 from demo_scenes.truth import truth_material
-
-from . import cycles
-from .seeds import rendered_seeds
+from tests.helpers import cycles
+from tests.helpers.seeds import rendered_seeds
 
 SIZE = (12, 12)  # pixels
 # Spp and seeds. A start costs as much as 10^5 samples of the nodes, so few seeds; the pixels tell the variance.

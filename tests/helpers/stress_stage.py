@@ -7,7 +7,7 @@ import math
 import bpy
 from mathutils import Vector
 
-from . import cycles
+from tests.helpers import cycles
 
 SUN_ANGLE = math.radians(4)  # so large that Blender's nodes find it
 MIDDLE = (0, 1.2, 1.2)  # where a lamp is mirrored into the middle of the view

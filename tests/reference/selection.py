@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchmarks.merge_cells import RINGS
+
 CLOSURE_BUDGET = 60
-# Outer radius of each ring of cells, in radii of the region, and its sectors; by number of cells of a hint.
-RINGS = {
-    37: ((0.18, 1), (0.45, 6), (0.72, 12), (np.inf, 18)),
-    19: ((0.25, 1), (0.6, 6), (np.inf, 12)),
-    14: ((0.25, 1), (0.6, 5), (np.inf, 8)),
-    7: ((0.37, 1), (np.inf, 6)),
-}
 
 
 def hint_cells(hints):

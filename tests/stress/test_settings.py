@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import glint_addon
+from benchmarks.passes import rendered_passes
 from demo_scenes.maps import blender_image
 from demo_scenes.truth import truth_material
 from tests.helpers import cycles
-from tests.helpers.passes import rendered_passes
 from tests.helpers.stress import FLOOR, SURFACE, compare, gentle_bumps
 from tests.helpers.stress_stage import add_lamp, add_sky, add_wall, diffuse_material, sunny_square
 

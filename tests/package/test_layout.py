@@ -1,0 +1,104 @@
+"""The source depends one way only: each room of the package imports the rooms above it in this table, none below."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+ADDON = ROOT / "glint_addon"
+
+# What each part of the package may import of the others, besides itself; "" is glint_addon/__init__.py.
+ALLOWED = {
+    "animation": set(),
+    "errors": set(),
+    "paths": set(),
+    "bake": {"errors"},
+    "images": {"bake", "errors"},
+    "nodes": {"bake", "errors", "images", "paths"},
+    "materials": {"bake", "errors", "images", "nodes"},
+    "lights": {"animation", "bake", "errors", "images", "materials", "nodes"},
+    "seen": {"animation", "bake", "materials", "nodes"},
+    "choice": {"animation", "lights", "nodes", "seen"},
+    "prepare": {"animation", "bake", "choice", "errors", "images", "lights", "materials", "nodes", "paths", "seen"},
+    "operators": {"errors", "images", "materials", "nodes", "prepare"},
+    "cli": {"bake", "errors", "materials", "nodes", "operators", "paths", "prepare"},
+    "ui": {"errors", "materials", "nodes", "operators", "prepare"},
+    "": {"cli", "operators", "prepare", "ui"},
+    "__main__": {"", "cli"},
+}
+MODULES = sorted(ADDON.rglob("*.py"))
+
+
+def part(file: Path) -> str:
+    """Name of the part of the package that `file` belongs to: its folder, or its own name at the top."""
+    top = file.relative_to(ADDON).parts[0].removesuffix(".py")
+    return "" if top == "__init__" else top
+
+
+def imports(file: Path) -> list[tuple[int, str, int]]:
+    """Every import of `file`, at the top or inside functions, as (level of dots, dotted name, line)."""
+    found = []
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found += [(0, alias.name, node.lineno) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [alias.name for alias in node.names] if node.module is None else [node.module]
+            found += [(node.level, name, node.lineno) for name in names]
+    return found
+
+
+def imported_parts(file: Path) -> dict[str, int]:
+    """The parts of the package that `file` imports, with the line of each."""
+    folder = file.relative_to(ADDON).parent.parts
+    result = {}
+    for level, name, line in imports(file):
+        if level == 0:
+            continue
+        # One dot is the file's own folder, each further dot one up.
+        base = folder[: len(folder) - (level - 1)]
+        target = (*base, *name.split("."))
+        is_module = (ADDON / target[0]).is_dir() or (ADDON / f"{target[0]}.py").is_file()
+        # `from . import register` takes a function of the package itself.
+        result[target[0] if is_module else ""] = line
+    return result
+
+
+@pytest.mark.parametrize("file", MODULES, ids=lambda file: str(file.relative_to(ADDON)))
+def test_a_module_imports_only_what_lies_below_it(file):
+    own = part(file)
+    assert own in ALLOWED, f"{own} is a new part of the package: say in this test what it may import"
+    for target, line in imported_parts(file).items():
+        assert target == own or target in ALLOWED[own], f"{file.name}:{line} imports {target} from {own or 'the top'}"
+
+
+@pytest.mark.parametrize("file", MODULES, ids=lambda file: str(file.relative_to(ADDON)))
+def test_a_module_names_its_own_package_only_by_relative_imports(file):
+    for level, name, line in imports(file):
+        assert level > 0 or name.split(".")[0] != "glint_addon", f"{file.name}:{line}"
+
+
+@pytest.mark.parametrize("file", sorted((ADDON / "bake").rglob("*.py")), ids=lambda file: file.name)
+def test_baking_never_imports_bpy(file):
+    blender = {"bpy", "mathutils", "bl_math", "gpu", "_cycles", "cycles"}
+    for _, name, line in imports(file):
+        assert name.split(".")[0] not in blender, f"{file.name}:{line} imports {name}"
+
+
+def test_the_walk_sees_an_import_that_goes_up(tmp_path, monkeypatch):
+    bad = tmp_path / "bake" / "tables.py"
+    for folder in ("bake", "operators", "ui"):
+        (tmp_path / folder).mkdir()
+    bad.write_text(
+        "def f():\n    from ..operators.prepare import x\n    from .. import ui\n    from .. import register\n",
+        encoding="utf-8",
+    )
+    monkeypatch.setitem(globals(), "ADDON", tmp_path)
+    assert imported_parts(bad) == {"operators": 2, "ui": 3, "": 4}
+
+
+@pytest.mark.parametrize("folder", ["benchmarks", "demo_scenes"])
+def test_what_is_measured_and_shown_needs_no_tests(folder):
+    for file in (ROOT / folder).rglob("*.py"):
+        for _, name, line in imports(file):
+            assert name.split(".")[0] != "tests", f"{file.name}:{line} imports {name}"
