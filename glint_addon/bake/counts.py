@@ -34,13 +34,12 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import TableError
-from .float_image import content_digest, list_shape, stored_pairs, write_whole
+from .float_image import list_shape, stored_pairs, table_file_name, write_whole
 from .progress import Steps
 from .slope_counts import group_counts, slope_box
 
 MAGIC = 7927.0  # in no table of another kind
 VERSION = 7  # part of the content address: raise it when the layout, the bins or the samples change
-SUFFIX = ".exr"
 FIRST_BLOCK = {"CLOSEST": 32, "LINEAR": 16}  # texels; below, the shader enumerates elements
 # Corners of the slope grid along each axis, by block side: more as blocks hold more elements, and so many that all
 # levels of a square map whose side is a power of two fit 16 bytes a texel with the padding.
@@ -163,8 +162,7 @@ def counts_texels(normals, interpolation: str, levels: tuple[int, int], box, pro
 
 def counts_name(normals: np.ndarray, interpolation: str, levels: tuple[int, int]) -> str:
     """File name by content and levels: the same normals give the same name on every machine."""
-    digest = content_digest(f"glint counts {VERSION} {interpolation} {normals.shape}", normals)
-    return f"glint_{digest}_{levels[0]}_{levels[1]}{SUFFIX}"
+    return table_file_name(f"glint counts {VERSION} {interpolation}", normals, f"_{levels[0]}_{levels[1]}")
 
 
 def bake_counts(

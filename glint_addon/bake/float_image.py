@@ -19,6 +19,7 @@ import numpy as np
 from ..errors import TableError
 from .progress import Steps
 
+SUFFIX = ".exr"  # of every table
 SMALLEST_WIDTH, LARGEST_WIDTH = 16, 1 << 20  # of a list's file, in texels; OpenImageIO writes no wider OpenEXR file
 ATTRIBUTE, DIGITS = "glint:digest", 64  # of the header: SHA-256
 BLANK = "0" * DIGITS  # what the attribute holds until the digest is known, and while it is computed
@@ -51,6 +52,14 @@ def content_digest(heading: str, pixels: np.ndarray) -> str:
     digest = hashlib.sha256(heading.encode())
     digest.update(np.ascontiguousarray(pixels, dtype=np.float32).data)
     return digest.hexdigest()[:24]
+
+
+def table_file_name(heading: str, normals: np.ndarray, ending: str = "") -> str:
+    """File name of a table of a map by its content: the same heading and normals give the same name on every machine.
+
+    heading: what the table is, with its version; ending: what tells tables of the same content apart.
+    """
+    return f"glint_{content_digest(f'{heading} {normals.shape}', normals)}{ending}{SUFFIX}"
 
 
 def list_shape(texels: int) -> tuple[int, int]:

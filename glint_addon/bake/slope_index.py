@@ -31,13 +31,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .float_image import content_digest, is_whole, list_shape, write_whole
+from .float_image import is_whole, list_shape, table_file_name, write_whole
 from .progress import Steps
 from .slope_counts import LARGEST_SLOPE
 
 MAGIC = 7951.0  # in no table of another kind
 VERSION = 3  # part of the content address: raise it when the layout changes
-SUFFIX = ".exr"
 SIDE = 32  # texels of a block
 COLUMNS, ROWS = 36, 14  # cells along slope u and v: as many as a record has room for
 CELLS = COLUMNS * ROWS
@@ -82,8 +81,7 @@ def index_texels(normals: np.ndarray, interpolation: str, progress=None) -> np.n
 
 def index_name(normals: np.ndarray, interpolation: str) -> str:
     """File name by content: the same normals give the same name on every machine."""
-    digest = content_digest(f"glint index {VERSION} {interpolation} {normals.shape}", normals)
-    return f"glint_{digest}_index{SUFFIX}"
+    return table_file_name(f"glint index {VERSION} {interpolation}", normals, "_index")
 
 
 def bake_index(

@@ -20,12 +20,11 @@ from pathlib import Path
 
 import numpy as np
 
-from .float_image import PixelRows, content_digest, is_whole, write_whole
+from .float_image import PixelRows, is_whole, table_file_name, write_whole
 from .progress import Steps
 
 MAGIC = 7919.0  # any number that no filtered alpha can reach by accident
 VERSION = 3  # part of the content address: raise it when the layout changes
-SUFFIX = ".exr"
 
 
 def padded_size(size: int) -> int:
@@ -91,8 +90,7 @@ def table_pixels(normals: np.ndarray, interpolation: str) -> np.ndarray:
 
 def table_name(normals: np.ndarray, interpolation: str) -> str:
     """File name by content: the same normals give the same name on every machine."""
-    digest = content_digest(f"glint table {VERSION} {interpolation} {normals.shape}", normals)
-    return f"glint_{digest}{SUFFIX}"
+    return table_file_name(f"glint table {VERSION} {interpolation}", normals)
 
 
 def bake_table(

@@ -8,12 +8,9 @@ from __future__ import annotations
 
 import bpy
 
+from ..properties import COPY_CONTENT, COPY_OF, COPY_STATE
 from .pixels import image_path, read_pixels
 from .state import image_state, is_unsaved
-
-OWNER = "glint_copy_of"  # the full name of the original
-STATE = "glint_copy_state"  # `image_state` of the original when it was copied
-CONTENT = "glint_copy_content"  # `_content` of the copy itself, which tells whether somebody gave it other pixels
 
 
 def data_image(image: bpy.types.Image, copy: bpy.types.Image | None = None) -> bpy.types.Image:
@@ -29,7 +26,7 @@ def data_image(image: bpy.types.Image, copy: bpy.types.Image | None = None) -> b
     if copy is not None:
         _follow(copy, image, state)
     for known in bpy.data.images:
-        if is_data_copy(known) and (known[OWNER], known[STATE]) == (image.name_full, state):
+        if is_data_copy(known) and (known[COPY_OF], known[COPY_STATE]) == (image.name_full, state):
             return known
     copy = bpy.data.images.new(f"{image.name} (Non-Color)", 1, 1, is_data=True)
     try:
@@ -43,9 +40,9 @@ def data_image(image: bpy.types.Image, copy: bpy.types.Image | None = None) -> b
 
 def is_data_copy(image: bpy.types.Image | None) -> bool:
     """Whether `image` is such a copy and nobody has painted on it since or given it another file."""
-    if image is None or image.library is not None or CONTENT not in image or not image.colorspace_settings.is_data:
+    if image is None or image.library is not None or COPY_CONTENT not in image or not image.colorspace_settings.is_data:
         return False
-    return not image.is_dirty and image[CONTENT] == _content(image)
+    return not image.is_dirty and image[COPY_CONTENT] == _content(image)
 
 
 def follow(copy: bpy.types.Image, original: bpy.types.Image) -> bool:
@@ -66,8 +63,8 @@ def _follow(copy, original, state) -> bool:
     """`follow`, where the `image_state` of the original is known."""
     if state == "" or copy == original or not is_data_copy(copy) or not _belongs(copy, original):
         return False
-    copy[OWNER] = original.name_full
-    if copy[STATE] == state:
+    copy[COPY_OF] = original.name_full
+    if copy[COPY_STATE] == state:
         return False
     _fill(copy, original, state)
     return True
@@ -75,9 +72,9 @@ def _follow(copy, original, state) -> bool:
 
 def _belongs(copy, original) -> bool:
     """Whether `copy` was made of `original`, which may be renamed by now, unless another image bears its old name."""
-    if copy[OWNER] == original.name_full:
+    if copy[COPY_OF] == original.name_full:
         return True
-    return all(image.name_full != copy[OWNER] for image in bpy.data.images)
+    return all(image.name_full != copy[COPY_OF] for image in bpy.data.images)
 
 
 def _fill(copy, original, state):
@@ -93,7 +90,7 @@ def _fill(copy, original, state):
             copy.filepath = ""
         copy.pack(data=contents, data_len=len(contents))
         copy.buffers_free()
-    copy[OWNER], copy[STATE], copy[CONTENT] = original.name_full, state, _content(copy)
+    copy[COPY_OF], copy[COPY_STATE], copy[COPY_CONTENT] = original.name_full, state, _content(copy)
     copy.update_tag()
 
 

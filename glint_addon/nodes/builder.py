@@ -5,10 +5,10 @@ from __future__ import annotations
 import bpy
 
 from ..errors import SceneError
+from ..properties import STAMP
 
 COLUMN_WIDTH = 220.0  # a little wider than Blender's default node, so that links stay visible
 ROW_HEIGHT = 190.0  # about the height of a Math node
-STAMP = "glint_group"  # custom property that marks a group as ours; its value is the group's version
 
 
 def local_group(name: str) -> bpy.types.ShaderNodeTree | None:

@@ -11,13 +11,13 @@ from __future__ import annotations
 import bpy
 
 from ..errors import SceneError
+from ..properties import LIGHT_SET, STAMP
 from . import builder
 from .driven import Driven, Variable, write_number
 from .scene_lights import AXIS, HINT_COUNT, LIGHT, SHAPE, context_number
 
 NAME = "Glint Lights"
 VERSION = 3
-SET = "glint_lights_set"  # property of a group: number of its set, from 1
 
 # Values of a shape's X.
 KIND_NONE = 0
@@ -89,7 +89,7 @@ def build_set(number: int) -> bpy.types.ShaderNodeTree:
 
 def set_of(group) -> int:
     """Number of the set that the group reads; 0 for a group of version 2 and before, which holds lights itself."""
-    return group.get(SET, 0)
+    return group.get(LIGHT_SET, 0)
 
 
 def refresh(group) -> None:
@@ -98,10 +98,10 @@ def refresh(group) -> None:
         return
     group.animation_data_clear()
     group.nodes.clear()
-    group[SET] = 1 if group.name == NAME else _free_set()
+    group[LIGHT_SET] = 1 if group.name == NAME else _free_set()
     _add_nodes(group)
     builder.arrange(group)
-    group[builder.STAMP] = VERSION
+    group[STAMP] = VERSION
 
 
 def check_nodes(group) -> None:
@@ -121,12 +121,12 @@ def groups() -> list[bpy.types.ShaderNodeTree]:
 
 def is_lights_group(group) -> bool:
     """Whether a node tree is such a group, local or linked."""
-    return builder.STAMP in group and shape_name(1) in group.nodes
+    return STAMP in group and shape_name(1) in group.nodes
 
 
 def _built(name, number):
     group = builder.new_group(name, VERSION, "Lights that glints look for, and the number of samples")
-    group[SET] = number
+    group[LIGHT_SET] = number
     _add_nodes(group)
     builder.arrange(group)
     return group

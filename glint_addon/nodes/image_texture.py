@@ -16,11 +16,11 @@ import bpy
 from .. import paths
 from ..errors import SceneError
 from ..images import image_shape
+from ..properties import IMAGE_TEXTURE
 from . import builder, glint_lights, script_node
 
 NAME = "Glint Image Texture"
 VERSION = 1
-KIND = "glint_image_texture"  # custom property on every copy of the group
 SHADER = "image_texture.osl"
 
 # Menu items by the names that functions take.
@@ -53,7 +53,7 @@ def build_for_image(
     Raises SceneError for an unknown choice, and whatever `set_image` raises.
     """
     _check_choices(mapping, filter, up)
-    copies = [group for group in bpy.data.node_groups if group.library is None and KIND in group]
+    copies = [group for group in bpy.data.node_groups if group.library is None and IMAGE_TEXTURE in group]
     matching = [group for group in copies if image_of(group) == image and group.nodes[UV_NODE].uv_map == uv_map]
     unused = [group for group in copies if image_of(group) is None and group.users == 0]
     group = (matching or unused or [None])[0]
@@ -95,7 +95,7 @@ def set_image(group, image, *, bake=True, folder=None):
     have a pyramid, TableError if the pyramid cannot be written.
     """
     group = getattr(group, "node_tree", group)
-    if group is None or KIND not in group:
+    if group is None or IMAGE_TEXTURE not in group:
         raise SceneError(f'"{getattr(group, "name", None)}" is not a {NAME} group: add one from the Glint menu.')
     if image is None:
         raise SceneError(f'"{group.name}" needs an image: choose one.')
@@ -123,7 +123,7 @@ def bake_missing(folder=None) -> list[str]:
 
 def change_paths(group, change):
     """Let change(path) say what stands for the path of the pyramid that a copy of the group names; others name none."""
-    script = group.nodes.get(MIPMAP_NODE) if KIND in group else None
+    script = group.nodes.get(MIPMAP_NODE) if IMAGE_TEXTURE in group else None
     builder.change_text(script.inputs.get("File") if script is not None else None, change)
 
 
@@ -139,7 +139,8 @@ def _groups_with_mipmap():
     used = [
         node.node_tree
         for node in nodes
-        if node.node_tree is not None and KIND in node.node_tree and node.inputs["Filter"].default_value == "Mipmap"
+        if node.node_tree is not None and IMAGE_TEXTURE in node.node_tree
+        and node.inputs["Filter"].default_value == "Mipmap"
     ]
     return [group for group in dict.fromkeys(used) if MIPMAP_NODE in group.nodes and group.library is None]
 
@@ -176,7 +177,7 @@ def _check_choices(mapping, filter, up):
 
 def _new_tree():
     group = builder.new_group(NAME, VERSION, "Image by UV map or on a sphere: nearest, bilinear, or mipmapped with OSL")
-    group[KIND] = True
+    group[IMAGE_TEXTURE] = True
     _add_sockets(group)
     inputs = builder.add_node(group, "NodeGroupInput")
     vector = _add_mapping(group, inputs)

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import bpy
 
+from ..properties import HOLDER, LIGHTS_KEY
 from .driven import VALUE, Driven, Entry, Variable, clear_driver, driver_curve, number_at, write_number
 
-HOLDER = "glint_lights"  # property of a scene: the data-block with its lights
 HINT_COUNT = 8  # all hints share the 64 closures of a shading point: 8 leave each of them 8 closures
 
 # Where the three numbers of a light's parts begin: see the group "Glint Lights", and `lights.shutter_nodes`.
 LIGHT, SHAPE, AXIS, SHIFT, REACH = range(0, 15, 3)
 PARTS = 15  # numbers of a light
-KEY = "lights_"  # and the number of the set: the name of its array
 
 
 def context_number(number: int, slot: int, part: int) -> Driven:
@@ -72,8 +71,8 @@ def held_sets(scene) -> list[int]:
     """Numbers of the sets that `scene` has lights, or places for them, in."""
     holder = holder_of(scene)
     keys = holder.keys() if holder is not None else ()
-    numbers = (int(key.removeprefix(KEY)) for key in keys if key.startswith(KEY) and key.removeprefix(KEY).isdecimal())
-    return sorted(number for number in numbers if has_set(scene, number))
+    numbers = (key.removeprefix(LIGHTS_KEY) for key in keys if key.startswith(LIGHTS_KEY))
+    return sorted(int(number) for number in numbers if number.isdecimal() and has_set(scene, int(number)))
 
 
 def copy_set(scene, number: int, to: int):
@@ -89,7 +88,7 @@ def drop_other_sets(scene, kept: set[int]):
     holder = holder_of(scene)
     if holder is None or holder.library is not None or _is_shared(holder, scene):
         return
-    for key in [key for key in holder.keys() if key.startswith(KEY)]:  # noqa: SIM118  (a data-block is no dict)
+    for key in [key for key in holder.keys() if key.startswith(LIGHTS_KEY)]:  # noqa: SIM118  (a data-block is no dict)
         if key not in {_key(number) for number in kept}:
             for index in range(HINT_COUNT * PARTS):
                 clear_driver(Entry(holder, key, index))
@@ -124,7 +123,7 @@ def _is_shared(holder, scene) -> bool:
 
 
 def _key(number):
-    return f"{KEY}{number}"
+    return f"{LIGHTS_KEY}{number}"
 
 
 def _index(slot, part):

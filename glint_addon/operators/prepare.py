@@ -3,8 +3,8 @@
 import bpy
 
 from ..nodes.glint_bsdf import is_glint_group, map_of
-from ..nodes.image_texture import KIND as IMAGE_GROUP
 from ..prepare.watch import look_at
+from ..properties import IMAGE_TEXTURE
 from .failing_softly import FailsSoftly
 from .in_background import RunsInBackground
 from .scene_state import store_report
@@ -48,7 +48,7 @@ class GLINT_OT_prepare(FailsSoftly, RunsInBackground, bpy.types.Operator):
 def has_glint_groups() -> bool:
     """Whether the file has a group that bakes, a map's or an image's; asked at every redraw, so it looks no further."""
     groups = bpy.data.node_groups
-    return any(IMAGE_GROUP in group or is_glint_group(group) and map_of(group) is not None for group in groups)
+    return any(IMAGE_TEXTURE in group or is_glint_group(group) and map_of(group) is not None for group in groups)
 
 
 def summary(report: dict) -> str:

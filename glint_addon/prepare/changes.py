@@ -26,10 +26,10 @@ from ..lights.lamps import reason_here, reason_to_skip
 from ..nodes.glint_bsdf import VERSION, group_binding, map_of
 from ..nodes.scene_lights import followed_objects, held_sets
 from ..nodes.script_node import osl_available
+from ..properties import PREPARED
 from .map_tables import remembered_tables
 from .uses import glint_uses, render_layers
 
-PREPARED = "glint_prepared"  # property of a scene: digest and JSON of its facts when it was prepared
 NOT_PREPARED = "This scene was not prepared yet."
 UNREADABLE = "What Glint noted of this scene's preparation is damaged."
 OTHER_VERSION = "This scene was prepared by another version of Glint."

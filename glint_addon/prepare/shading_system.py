@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import bpy
 
-from ..nodes.builder import STAMP
 from ..nodes.glint_bsdf import is_glint_group
 from ..nodes.script_node import osl_available
+from ..properties import STAMP, SWITCHED_ON
 
-SWITCHED_ON = "glint_switched_osl_on"  # property of a scene: it was Glint that switched OSL on there
 NO_OSL = "This Blender has no Open Shading Language: glints are rendered by its own nodes, with noise."
 ON_GPU = "On a GPU, OptiX or other, glints have the noise of Blender's own nodes: choose CPU."
 NO_LIGHT = "No glint in view has a light worth looking for"

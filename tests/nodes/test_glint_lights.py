@@ -6,8 +6,8 @@ import pytest
 from glint_addon.errors import SceneError
 from glint_addon.lights.drivers import connect_hints
 from glint_addon.nodes import GROUPS, glint_lights
-from glint_addon.nodes.builder import STAMP
 from glint_addon.nodes.driven import Driven, Variable, driver_curve, write_number
+from glint_addon.properties import LIGHT_SET, STAMP
 from tests.helpers import cycles
 from tests.helpers.scene_hints import scene_hints
 
@@ -66,7 +66,7 @@ def test_a_group_of_an_older_version_reads_the_lights_of_the_scene_and_keeps_its
         group.nodes.remove(group.nodes[name])
         group.interface.remove(group.interface.items_tree[name])
     group[STAMP] = version
-    del group[glint_lights.SET]
+    del group[LIGHT_SET]
     lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
     write_number(group.nodes["Light 2"].inputs["X"],
                  Driven("x", (Variable("x", "SINGLE_PROP", lamp, "matrix_world[3][0]"),)))
@@ -85,7 +85,7 @@ def test_a_set_is_that_of_its_number_whatever_other_groups_the_file_has(scene, v
     group = glint_lights.build()
     assert group != other and glint_lights.set_of(other) == 1
     group[STAMP] = version
-    group[glint_lights.SET] = 7
+    group[LIGHT_SET] = 7
     assert [glint_lights.set_of(glint_lights.build_set(number)) for number in (1, 2, 7, 1)] == [1, 2, 7, 1]
 
 

@@ -9,6 +9,7 @@ import pytest
 from glint_addon.bake.openimageio import oiio
 from glint_addon.errors import MapError, SceneError
 from glint_addon.nodes import checker, image_texture, script_node
+from glint_addon.properties import IMAGE_TEXTURE
 from tests.helpers import cycles
 from tests.reference import image_texture as reference
 
@@ -382,7 +383,7 @@ def test_an_image_of_many_files_is_refused_for_mipmap_and_shown_by_the_other_fil
     image = bpy.data.images.new("tiles", 8, 8, tiled=True)
     with pytest.raises(MapError, match="UDIM image, which has no single mip pyramid: use the Bilinear filter"):
         image_texture.build_for_image(image, folder=tmp_path)
-    assert not [group for group in bpy.data.node_groups if image_texture.KIND in group], "a failed group is left"
+    assert not [group for group in bpy.data.node_groups if IMAGE_TEXTURE in group], "a failed group is left"
     group = image_texture.build_for_image(image, filter="BILINEAR", folder=tmp_path)
     assert image_texture.image_of(group) == image
 
