@@ -8,8 +8,8 @@ from dataclasses import asdict
 import numpy as np
 
 from demo_scenes import measure
-from glint_addon.prepare.map_tables import remembered_tables
 from glint_addon.prepare.scene import scene_glint_groups
+from glint_addon.prepare.stored_tables import remembered_tables
 
 from . import cost, methods, suite
 from .error import picture_error, truth_bias_noise

@@ -1,4 +1,4 @@
-"""Names of the custom properties that the extension keeps in .blend files: saved files have them, so none may change."""
+"""Names of the custom properties that the extension keeps in .blend files. Saved files have them: none may change."""
 
 # On any node group that Glint made: the version of its kind, a whole number.
 STAMP = "glint_group"
@@ -9,7 +9,7 @@ IMAGE_TEXTURE = "glint_image_texture"
 # On a group "Glint Lights": the number of its set of lights, from 1.
 LIGHT_SET = "glint_lights_set"
 
-# On a group "Glint BSDF", what it remembers of its map's tables; paths are as `paths.stored_path` has them, "" for none.
+# On a group "Glint BSDF", what it remembers of its map's tables; paths as `paths.stored_path` has them, "" for none.
 TABLE = "glint_table"  # path of the table of normals
 SOURCE = "glint_source"  # `image_state` of the map whose tables these are; "" where there are none
 SIZE = "glint_size"  # width and height of the map, in texels

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..animation.places import places
 from ..nodes.glint_bsdf import group_binding
+from ..nodes.map_tables import MapTables
 from ..seen.coordinates import largest_texel_area, uv_transforms
 from ..seen.footprints import FOOTPRINT_EXPONENT, FOOTPRINT_SCALE, rigid_mesh
 from ..seen.surface import pixels_filled
@@ -30,7 +31,7 @@ def is_close_up(scene, views, family) -> bool:
     if views is None or views.has_mirrors or not family.nodes:
         return False
     groups = {node.node_tree for node in family.nodes}
-    if any(group_binding(group).interpolation != "CLOSEST" or "glint_size" not in group for group in groups):
+    if any(group_binding(group).interpolation != "CLOSEST" or MapTables.of(group).size is None for group in groups):
         return False
     seen = [_texels_a_footprint(scene, views, thing, family.materials, groups) for thing in family.objects]
     return 0.0 < max(seen, default=0.0) <= FEWEST_TEXELS
@@ -44,7 +45,7 @@ def _texels_a_footprint(scene, views, thing, materials, groups) -> float:
         return inf
     matrix = places(thing, views.frames)[0, :3, :3]
     densities = [
-        largest_texel_area(mesh, matrix, uv_map, np.diag(np.asarray(group["glint_size"], float)) @ transform)
+        largest_texel_area(mesh, matrix, uv_map, np.diag(np.asarray(MapTables.of(group).size, float)) @ transform)
         for group, transforms in placed for uv_map, transform in transforms
     ]
     if None in densities:

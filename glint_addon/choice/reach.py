@@ -20,6 +20,7 @@ from ..lights.irradiance import irradiances
 from ..lights.size import cross_section
 from ..lights.softness import SOFT_HALF_ANGLE
 from ..nodes.glint_lights import KIND_SUN
+from ..nodes.map_tables import MapTables
 from ..seen.coordinates import evaluated_mesh
 from ..seen.surface import Patches, pixels_filled, surface_patches
 from ..seen.views import Views
@@ -87,11 +88,11 @@ def judgements(scene, views: Views | None, objects, facets: Facets | None, hints
 
 def _facets(node) -> Facets | None:
     group, roughness, strength = node.node_tree, node.inputs["Roughness"], node.inputs["Strength"]
-    is_animated = node.id_data.animation_data is not None
-    if is_animated or roughness.is_linked or strength.is_linked or "glint_slope_low" not in group:
+    is_animated, tables = node.id_data.animation_data is not None, MapTables.of(group)
+    if is_animated or roughness.is_linked or strength.is_linked or not tables.has_bounds:
         return None
-    bounds = np.abs([group["glint_slope_low"], group["glint_slope_high"]]).max(axis=0)
-    if not bounds.any() or bounds.max() >= 1e6:
+    bounds = np.abs([tables.slope_low, tables.slope_high]).max(axis=0)
+    if not bounds.any():
         return None  # the shader does not know them either
     slope = abs(strength.default_value) * float(np.linalg.norm(bounds))
     return Facets(max(slope, FLATTEST), max(min(roughness.default_value, 1.0), LEAST_ROUGHNESS) ** 2)

@@ -132,14 +132,15 @@ def material_facts() -> list[dict]:
     """Each glint material of the open file with its maps; a table that is not on disk counts as not baked."""
     from ..bake.float_image import is_whole
     from ..materials.find import glint_groups, is_glint_material
-    from ..nodes.glint_bsdf import map_of, stored_text
+    from ..nodes.glint_bsdf import map_of
+    from ..nodes.map_tables import MapTables
     from ..paths import disk_path
 
     facts = []
     for material in filter(is_glint_material, bpy.data.materials):
         maps = []
         for group in glint_groups(material):
-            image, table = map_of(group), stored_text(group, "glint_table")
+            image, table = map_of(group), MapTables.of(group).path
             found = bool(table) and is_whole(disk_path(table))
             maps.append({"image": image.name if image else None, "table": table if found else ""})
         facts.append({"name": material.name, "maps": maps})
@@ -185,10 +186,11 @@ def prepare(scene) -> list[str]:
     """Prepare `scene`, keep the report on it, and return it as lines."""
     from ..operators.prepare import counts_line, summary
     from ..operators.scene_state import store_report
-    from ..prepare.scene import prepare_scene
+    from ..prepare.jobs import finished
+    from ..prepare.scene import preparation
 
     with terminal_progress() as progress:
-        report = prepare_scene(scene, progress=progress)
+        report = finished(preparation(scene), progress)
     store_report(scene, report)
-    return [summary(report), counts_line(report), *(f"Warning: {sentence}" for sentence in report["warnings"]),
-            *(f"Note: {sentence}" for sentence in report["notes"])]
+    return [summary(report), counts_line(report), *(f"Warning: {sentence}" for sentence in report.warnings),
+            *(f"Note: {sentence}" for sentence in report.notes)]

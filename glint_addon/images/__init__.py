@@ -3,10 +3,11 @@
 from .data_copies import data_image, follow, is_data_copy, remove_unused_copies
 from .normal_map import normal_map_image
 from .pixels import USABLE_SOURCES, image_path, image_pixels, image_shape, is_layered, layer_pixels, read_pixels
-from .state import file_digest, image_stamp, image_state
+from .state import ImageStates, file_digest, image_stamp, image_state, is_unsaved
 
 __all__ = (
     "USABLE_SOURCES",
+    "ImageStates",
     "data_image",
     "file_digest",
     "follow",
@@ -17,6 +18,7 @@ __all__ = (
     "image_state",
     "is_data_copy",
     "is_layered",
+    "is_unsaved",
     "layer_pixels",
     "normal_map_image",
     "read_pixels",

@@ -10,19 +10,21 @@ import bpy
 
 from ..properties import COPY_CONTENT, COPY_OF, COPY_STATE
 from .pixels import image_path, read_pixels
-from .state import image_state, is_unsaved
+from .state import ImageStates, image_state, is_unsaved
 
 
-def data_image(image: bpy.types.Image, copy: bpy.types.Image | None = None) -> bpy.types.Image:
+def data_image(
+    image: bpy.types.Image, copy: bpy.types.Image | None = None, states: ImageStates | None = None
+) -> bpy.types.Image:
     """`image` itself if it is read as data, else a copy "<name> (Non-Color)" that holds its values now as data.
 
     copy: the one in use until now, which is brought up to date rather than left behind. A clean file is read again by
-    the copy; what is packed or painted is packed into it. Raises MapError if the pixels cannot be copied, and leaves
-    nothing behind.
+    the copy; what is packed or painted is packed into it. states: of images, where they are known or are to be. Raises
+    MapError if the pixels cannot be copied, and leaves nothing behind.
     """
     if image.colorspace_settings.is_data:
         return image
-    state = image_state(image)
+    state = image_state(image) if states is None else states[image]
     if copy is not None:
         _follow(copy, image, state)
     for known in bpy.data.images:

@@ -36,6 +36,14 @@ def image_state(image: bpy.types.Image) -> str:
     return image_stamp(image)
 
 
+class ImageStates(dict):
+    """{image: its `image_state`}, told at the first question: painted and packed images are slow to tell."""
+
+    def __missing__(self, image: bpy.types.Image) -> str:
+        state = self[image] = image_state(image)
+        return state
+
+
 def file_digest(image: bpy.types.Image) -> str:
     """A digest of the file of `image`, the same wherever and whenever it was copied to; "" if it is no clean file."""
     stamp = image_stamp(image)

@@ -16,14 +16,24 @@ import bpy
 
 from ..errors import MapError, SceneError
 from ..images import data_image, is_data_copy
+from ..properties import (
+    OLD_CONVENTION,
+    OLD_DISTRIBUTION,
+    OLD_EXTENSION,
+    OLD_IMAGE,
+    OLD_INTERPOLATION,
+    OLD_PROPERTIES,
+    OLD_UV_MAP,
+    STAMP,
+)
 from . import glint_lights
-from .builder import STAMP, add_input, add_node, add_output, arrange, change_text, local_group, new_group, version_of
+from .builder import add_input, add_node, add_output, arrange, local_group, new_group, version_of
 from .driven import Driven, Variable, write_number
+from .map_tables import SCRIPT_NODE, forget_table, stored_text
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
 VERSION = 10
-SCRIPT_NODE = "Glint"
 LIGHTS_NODE = "Lights"
 CAUSTICS_NODE = "Caustics"
 # Blender's own nodes, which say what the group reads.
@@ -37,15 +47,8 @@ INTERPOLATIONS = ("LINEAR", "CLOSEST")  # in the Image Texture node: Linear, Clo
 CONVENTIONS = ("OPENGL", "DIRECTX")
 EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
 
-# Where a group keeps the paths of its tables: properties for the next preparation, sockets of the OSL node.
-PATHS = ("glint_table", "glint_index", "glint_counts")
-PATH_SOCKETS = ("Table", "IndexTable", "CountsTable")
-
 # Up to version 9 custom properties said what a group reads.
 VERSION_OF_NODES = 10
-OLD_IMAGE, OLD_INTERPOLATION = "glint_image", "glint_interpolation"
-OLD_PROPERTIES = (OLD_IMAGE, OLD_INTERPOLATION, "glint_convention", "glint_distribution", "glint_uv_map",
-                  "glint_extension")
 
 # Whether glints are enumerated after diffuse bounces too, in the scene that is being rendered: where Cycles shows what
 # facets throw on their neighbours, and does not blur it by Filter Glossy, which leaves nothing to gain.
@@ -107,7 +110,7 @@ def group_for(binding: MapBinding) -> bpy.types.ShaderNodeTree:
             return group
     group = new_group(NAME, VERSION, "Glints of a normal map's microstructure")
     try:
-        group["glint_table"] = group["glint_source"] = ""
+        forget_table(group)
         _add_sockets(group)
         _add_nodes(group, binding)
         arrange(group)
@@ -196,56 +199,14 @@ def refresh(group):
         for name in OLD_PROPERTIES:
             group.pop(name, None)
         group[STAMP] = VERSION
-        group["glint_table"] = ""
+        forget_table(group)
     else:
         _follow_nodes(group, binding)
-
-
-def stored_text(group, name: str) -> str:
-    """A path or stamp that a group keeps as a custom property; "" where there is none."""
-    text = group.get(name, "")
-    return text if isinstance(text, str) else ""
 
 
 def _is_complete(group) -> bool:
     """Whether the nodes that Blender's own do not replace are all there, and the shader is compiled."""
     return all(name in group.nodes for name in OWN_NODES) and bool(group.nodes[SCRIPT_NODE].bytecode)
-
-
-def set_table(group, path: str, size, slope_low, slope_high, counts=None, index: str = ""):
-    """Let the group's OSL node read the table at `path`, "" for none.
-
-    size: (width, height) in texels of the map; slopes: (2,); counts: (path, (first, last) block sides, low and high
-    corner (2,) of the bins), or None; index: path, "" for none.
-    """
-    group["glint_table"] = path
-    script = group.nodes.get(SCRIPT_NODE)
-    if script is None:
-        return
-    bounded = all(abs(value) < 1e6 for value in (*slope_low, *slope_high))
-    values = {
-        "Table": path,
-        "Width": float(size[0]),
-        "Height": float(size[1]),
-        "SlopeLow": (*slope_low, 0.0) if bounded else (0.0, 0.0, 0.0),
-        "SlopeHigh": (*slope_high, 0.0) if bounded else (0.0, 0.0, 0.0),
-        "IndexTable": index,
-    } | _counts_values(*(counts or ("", (0, 0), (0.0, 0.0), (0.0, 0.0))))
-    for name, value in values.items():
-        script.inputs[name].default_value = value
-
-
-def change_paths(group, change):
-    """Let change(path) say what stands for each path of a table that the group names; other groups name none."""
-    if not is_glint_group(group):
-        return
-    for name in PATHS:
-        stored = stored_text(group, name)
-        if stored and (path := change(stored)) != stored:
-            group[name] = path
-    script = group.nodes.get(SCRIPT_NODE)
-    for name in PATH_SOCKETS:
-        change_text(script.inputs.get(name) if script is not None else None, change)
 
 
 def share_closures(group, lobes: int):
@@ -266,27 +227,16 @@ def _set_constant(group, name, value):
         socket.default_value = value
 
 
-def _counts_values(path, levels, low, high) -> dict:
-    first, last = levels
-    return {
-        "CountsTable": path,
-        "CountsFirst": first,
-        "CountsLevels": (last // first).bit_length() if path else 0,
-        "BinLow": (*low, 0.0),
-        "BinHigh": (*high, 0.0),
-    }
-
-
 def _old_binding(group) -> MapBinding:
     """What a group of version 9 or before reads; its node has the image where the property has lost it."""
     texture = group.nodes.get(IMAGE_NODE)
     return MapBinding(
         group.get(OLD_IMAGE) or (texture.image if texture is not None else None),
         group[OLD_INTERPOLATION],
-        group.get("glint_convention", "OPENGL"),
-        group.get("glint_distribution", "BECKMANN"),
-        stored_text(group, "glint_uv_map"),
-        group.get("glint_extension", "REPEAT"),  # groups of version 3 and before have none
+        group.get(OLD_CONVENTION, "OPENGL"),
+        group.get(OLD_DISTRIBUTION, "BECKMANN"),
+        stored_text(group, OLD_UV_MAP),
+        group.get(OLD_EXTENSION, "REPEAT"),  # groups of version 3 and before have none
     )
 
 
@@ -400,18 +350,18 @@ def _add_native_nodes(group, binding, source):
     return glossy.outputs["BSDF"]
 
 
-def follow_map(group):
+def follow_map(group, states=None):
     """Let the group read its map as data and as it is now: where it is shown as colour, a copy that is up to date.
 
-    Raises MapError if its pixels cannot be copied.
+    states: `ImageStates`, where they are known or are to be. Raises MapError if its pixels cannot be copied.
     """
     if group.nodes.get(IMAGE_NODE) is not None and map_of(group) is not None:
-        _read_map(group, map_of(group))
+        _read_map(group, map_of(group), states)
 
 
-def _read_map(group, image):
+def _read_map(group, image, states=None):
     texture, original = group.nodes[IMAGE_NODE], group.nodes.get(ORIGINAL_NODE)
-    wanted = data_image(image, texture.image) if image is not None else None
+    wanted = data_image(image, texture.image, states) if image is not None else None
     if texture.image != wanted:
         texture.image = wanted
     if texture.image != image:

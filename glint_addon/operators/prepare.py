@@ -3,6 +3,8 @@
 import bpy
 
 from ..nodes.glint_bsdf import is_glint_group, map_of
+from ..prepare.report import Report
+from ..prepare.table_budget import mebibytes
 from ..prepare.watch import look_at
 from ..properties import IMAGE_TEXTURE
 from .failing_softly import FailsSoftly
@@ -37,9 +39,9 @@ class GLINT_OT_prepare(FailsSoftly, RunsInBackground, bpy.types.Operator):
         """Keep the report for the panel, and say it in words."""
         store_report(context.scene, report)
         look_at(context.scene)
-        for sentence in report["warnings"]:
+        for sentence in report.warnings:
             self.report({"WARNING"}, sentence)
-        for sentence in report["notes"]:
+        for sentence in report.notes:
             self.report({"INFO"}, sentence)
         self.report({"INFO"}, summary(report))
         return {"FINISHED"}
@@ -51,26 +53,21 @@ def has_glint_groups() -> bool:
     return any(IMAGE_TEXTURE in group or is_glint_group(group) and map_of(group) is not None for group in groups)
 
 
-def summary(report: dict) -> str:
-    """What `prepare_scene` did, in one sentence."""
-    lights = counted(len(report["hints"]), "light")
-    baked = counted(len(report["baked"]) + len(report["mip_levels"]), "table")
-    osl = "OSL on" if report["osl"] else "OSL off"
-    unseen = f", {counted(len(report['unseen']), 'material')} that no camera sees left out" if report["unseen"] else ""
-    return f"Glint: {lights} found, {baked} baked, {len(report['reused'])} reused{unseen}, {osl}."
+def summary(report: Report) -> str:
+    """What a preparation did, in one sentence."""
+    lights = counted(len(report.hints), "light")
+    baked = counted(len(report.baked) + len(report.mip_levels), "table")
+    osl = "OSL on" if report.osl else "OSL off"
+    unseen = f", {counted(len(report.unseen), 'material')} that no camera sees left out" if report.unseen else ""
+    return f"Glint: {lights} found, {baked} baked, {len(report.reused)} reused{unseen}, {osl}."
 
 
-def counts_line(report: dict) -> str:
-    """How much `prepare_scene` baked, and how much the scene uses, in one sentence."""
-    counts = report["counts"]
-    baked, used = (f"{counts[f'tables_{key}']} {key.replace('_', ' ')} ({megabytes(counts[f'bytes_{key}'])})"
-                   for key in ("baked", "in_use"))
-    return f"Tables: {baked}, {used}, {counted(counts['images_read'], 'image')} read."
-
-
-def megabytes(count: int) -> str:
-    """Bytes as "12.3 MB"."""
-    return f"{count / 1e6:.1f} MB"
+def counts_line(report: Report) -> str:
+    """How much a preparation baked, and how much the scene uses, in one sentence."""
+    counts = report.counts
+    baked = f"{counts.tables_baked} baked ({mebibytes(counts.bytes_baked)})"
+    used = f"{counts.tables_in_use} in use ({mebibytes(counts.bytes_in_use)})"
+    return f"Tables: {baked}, {used}, {counted(counts.images_read, 'image')} read."
 
 
 def counted(number: int, noun: str) -> str:

@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 
+from ..prepare.report import Report
 from ..prepare.table_budget import DEFAULT_BUDGET
 
 RENDERED_IMAGES = {"RENDER_RESULT", "COMPOSITING"}  # image types that hold no file or pixels of their own
@@ -53,21 +54,21 @@ class GLINT_PG_scene(bpy.types.PropertyGroup):
     notes: CollectionProperty(type=GLINT_PG_line)
 
 
-def store_report(scene, report: dict):
-    """Keep what `prepare_scene` returned on `scene`, in place of the last report."""
+def store_report(scene, report: Report):
+    """Keep the report of a preparation on `scene`, in place of the last one."""
     state = scene.glint
     state.prepared = True
-    _fill(state.hints, [(name, "") for name in report["hints"]])
-    _fill(state.skipped_lights, report["skipped_lights"])
+    _fill(state.hints, [(name, "") for name in report.hints])
+    _fill(state.skipped_lights, report.skipped_lights)
     state.material_lights.clear()
-    for material, names in report["hints_by_material"].items():
-        pairs = [(name, "") for name in names] + report["left_by_material"][material]
+    for material, names in report.hints_by_material.items():
+        pairs = [(name, "") for name in names] + report.left_by_material[material]
         _add(state.material_lights, pairs, material=material)
-    tables = [(path, "baked") for path in report["baked"]] + [(path, "reused") for path in report["reused"]]
+    tables = [(path, "baked") for path in report.baked] + [(path, "reused") for path in report.reused]
     _fill(state.tables, tables)
-    _fill(state.unseen, [(name, "") for name in report["unseen"]])
-    _fill(state.warnings, [(sentence, "") for sentence in report["warnings"]])
-    _fill(state.notes, [(sentence, "") for sentence in report["notes"]])
+    _fill(state.unseen, [(name, "") for name in report.unseen])
+    _fill(state.warnings, [(sentence, "") for sentence in report.warnings])
+    _fill(state.notes, [(sentence, "") for sentence in report.notes])
 
 
 def _fill(lines, pairs):

@@ -19,16 +19,16 @@ from ..materials.find import glint_groups
 from ..materials.worn import worn_materials
 from ..nodes import glint_lights
 from ..nodes.glint_bsdf import LIGHTS_NODE, group_binding, is_glint_group, lights_of
-from ..nodes.scene_lights import HOLDER, copy_set, drop_other_sets, has_set
+from ..nodes.scene_lights import copy_set, drop_other_sets, has_set
+from ..properties import HOLDER
+from .report import Report
 
 
-def connect_lights(scene, uses) -> dict:
+def connect_lights(scene, uses, report: Report) -> dict:
     """Choose the lights of each material, and let its nodes read them; a second call changes nothing.
 
     uses: {Glint BSDF group: [(object, material), ...]} of `scene`, those of other files too if they read sets.
-    Returns the parts of the report: "hints", "skipped_lights", "hints_by_material" {material: [light, ...]},
-    "left_by_material" {material: [[light, reason], ...]}, and "visits" {material: elements a sample visits at most}.
-    Raises SceneError.
+    Adds them to `report`, and returns what was chosen, {material: its `Choice`}. Raises SceneError.
     """
     layers = rendered_layers(scene)
     copied = copied_places(scene, layers)
@@ -41,16 +41,10 @@ def connect_lights(scene, uses) -> dict:
 
     reasons = {name: reason for choice in choices for name, reason in choice.left}
     skipped = sorted(skipped + [(hint.name, reasons[hint.name]) for hint in found if hint not in used])
-    pairs = [(material.name, choice) for family, choice in zip(families, choices, strict=True)
-             for material in family.materials]
-    return {
-        "hints": [hint.name for hint in found if hint in used],
-        "skipped_lights": [list(pair) for pair in skipped],
-        "hints_by_material": {name: [hint.name for hint in choice.hints] for name, choice in pairs},
-        "left_by_material": {name: [list(pair) for pair in choice.left] for name, choice in pairs},
-        "visits": {material: choice.visits for family, choice in zip(families, choices, strict=True)
-                   for material in family.materials},
-    }
+    chosen = {material: choice for family, choice in zip(families, choices, strict=True)
+              for material in family.materials}
+    report.add_lights([hint.name for hint in found if hint in used], skipped, chosen)
+    return chosen
 
 
 def _connect(scene, families, choices, ways):

@@ -9,22 +9,23 @@ import bpy
 
 from .. import paths
 from ..errors import SceneError
+from ..images import ImageStates
 from ..materials.find import glint_groups, glint_lobes
 from ..nodes import glint_bsdf, image_texture
-from ..nodes.glint_bsdf import image_read, lights_of, map_of, stored_text
-from ..nodes.glint_lights import set_of
+from ..nodes.map_tables import MapTables
 from ..nodes.script_node import osl_available
 from ..seen.visibility import unseen_objects
 from .changes import remember_preparation
 from .jobs import Job, finished
 from .light_sets import connect_lights
-from .map_tables import bake_plan, is_missing, map_plans, named_levels, remember
-from .shading_system import NO_OSL, ON_GPU, choose_shading_system, is_on
+from .map_bake import DecodedMap, bake_plan
+from .map_plans import map_plans, named_levels
+from .report import Report
+from .scene_warnings import device, reads_scene, scene_warnings
+from .shading_system import choose_shading_system, is_on
 from .table_budget import DEFAULT_BUDGET, fit_budget
 from .table_files import keep_tables
-from .uses import glint_uses, unknown_materials
-
-COUNTS = ("tables_baked", "tables_in_use", "bytes_baked", "bytes_in_use", "images_read")
+from .uses import glint_uses, regrouped
 
 
 def prepare_scene(scene, progress=None, *, bake_unseen=None, table_budget=None) -> dict:
@@ -44,59 +45,74 @@ def prepare_scene(scene, progress=None, *, bake_unseen=None, table_budget=None) 
     Raises MapError, TableError, or SceneError for a scene that cannot be prepared; it is unchanged then.
     """
     progress = progress or (lambda fraction, text: None)
-    return finished(preparation(scene, bake_unseen=bake_unseen, table_budget=table_budget), progress)
+    return finished(preparation(scene, bake_unseen=bake_unseen, table_budget=table_budget), progress).as_dict()
 
 
 def preparation(scene, *, bake_unseen=None, table_budget=None):
-    """`prepare_scene` in steps: a generator of `Job`s, to be sent what each returns; it returns the report.
+    """`prepare_scene` in steps: a generator of `Job`s, to be sent what each returns; it returns the `Report`.
 
     Closing it early, or an exception, leaves scene and disk as they were.
     """
     _check(scene)
     found = glint_uses(scene)
-    groups = _by_name(found)
-    report = _new_report(scene, _warnings(scene, groups) + _linked_warnings(found))
+    report = Report(osl=is_on(scene), device=device(scene), warnings=scene_warnings(scene, found))
     # What is linked from another file cannot be changed here, but it looks for the lights of the scene being rendered.
-    lit = {group: pairs for group, pairs in found.items() if group.library is None or _reads_scene(group)}
-    looks_for_lights = any(group.library is not None and group not in lit and stored_text(group, "glint_table")
-                           for group in groups)
-    groups = [group for group in groups if group.library is None]
+    lit = {group: pairs for group, pairs in found.items() if group.library is None or reads_scene(group)}
     if not lit and not image_texture.shows_mip_levels():
         return report
 
-    # Leave out what nobody sees; a table that is there already stays in use and up to date.
-    uses = {group: pairs for group, pairs in found.items() if group in groups}
-    with_unseen = _setting(scene, "bake_unseen", bake_unseen, False)
-    unseen = set() if with_unseen else _unseen_groups(scene, uses)
-    left_out = [group for group in groups if group in unseen and not stored_text(group, "glint_table")]
-    report["unseen"] = sorted({material.name for group in left_out for _, material in uses[group]})
-
     # Bake first: all that can fail happens before the scene is touched.
-    plans, tables = [], []
+    with_unseen = _setting(scene, "bake_unseen", bake_unseen, False)
+    budget = _setting(scene, "table_budget", table_budget, DEFAULT_BUDGET)
+    uses, report.unseen = _uses_in_view(scene, found, with_unseen)
+    states, baked = ImageStates(), []
     if osl_available():
-        folder = paths.table_folder(bpy.data.filepath)
-        with _baked_whole_or_not_at_all(folder, report["baked"]):
-            plans = map_plans(scene, {group: uses[group] for group in groups if group not in left_out}, folder,
-                              mirrored=with_unseen, keep_levels=len(bpy.data.scenes) > 1)
-            report["warnings"] += fit_budget(plans, _setting(scene, "table_budget", table_budget, DEFAULT_BUDGET))
-            for index, plan in enumerate(plans):
-                values = yield from bake_plan(plan, folder, report, index / len(plans), (index + 1) / len(plans))
-                tables.append(values)
-            report["mip_levels"] = image_texture.bake_missing(folder)
-            yield Job("Glints are ready", 1.0, 1.0, lambda progress: None)
-        report["levels"] = named_levels(plans)
-        _count_tables(report)
+        baked = yield from _baked(scene, uses, report, states, budget, mirrored=with_unseen)
 
-    _use_tables(plans, tables)
+    others_look = _other_files_look(found, lit)
+    _use_tables(baked)
     if lit:
-        lights = connect_lights(scene, lit)
-        _bound_work(lights.pop("visits"))
-        report |= lights
-        looks_for_lights = looks_for_lights or _looks_for_lights(report)
+        _bound_work(connect_lights(scene, lit, report))
     keep_tables()
-    note = choose_shading_system(scene, is_needed=looks_for_lights)
-    remember_preparation(scene, {image_read(plan.groups[0]): plan.stamp for plan in plans})
-    return report | {"osl": is_on(scene), "notes": report["notes"] + [note] * bool(note)}
+    note = choose_shading_system(scene, is_needed=report.looks_for_lights or others_look)
+    remember_preparation(scene, regrouped(found), states)
+    report.notes += [note] * bool(note)
+    report.osl = is_on(scene)
+    return report
+
+
+def _uses_in_view(scene, found, with_unseen) -> tuple[dict, list[str]]:
+    """Of the uses `found` those of the groups to prepare, by name, and the names of the materials that are left out.
+
+    Left out is what nobody sees; a table that is there already stays in use and up to date.
+    """
+    uses = {group: found[group] for group in _by_name(found) if group.library is None}
+    unseen = set() if with_unseen else _unseen_groups(scene, uses)
+    left_out = {group for group in unseen if not MapTables.of(group).path}
+    names = {material.name for group in left_out for _, material in uses[group]}
+    return {group: pairs for group, pairs in uses.items() if group not in left_out}, sorted(names)
+
+
+def _baked(scene, uses, report, states, budget, *, mirrored):
+    """Bake all that is missing: a generator of jobs, which returns pairs of each plan and its tables."""
+    folder = paths.table_folder(bpy.data.filepath)
+    tables, decoded = [], DecodedMap()
+    with _baked_whole_or_not_at_all(folder, report.baked):
+        plans = map_plans(scene, uses, folder, states, mirrored=mirrored, keep_levels=len(bpy.data.scenes) > 1)
+        report.warnings += fit_budget(plans, budget)
+        for index, plan in enumerate(plans):
+            start, end = index / len(plans), (index + 1) / len(plans)
+            tables.append((yield from bake_plan(plan, folder, report, decoded, start, end)))
+        report.mip_levels = image_texture.bake_missing(folder)
+        yield Job("Glints are ready", 1.0, 1.0, lambda progress: None)
+    report.levels = named_levels(plans)
+    report.count_tables()
+    return list(zip(plans, tables, strict=True))
+
+
+def _other_files_look(found, lit) -> bool:
+    """Whether groups of other files look for the lights of those files, which cannot be changed here."""
+    return any(group.library is not None and group not in lit and MapTables.of(group).path for group in found)
 
 
 def _check(scene):
@@ -107,26 +123,12 @@ def _check(scene):
         raise SceneError(f'Scene "{scene.name}" is linked from {scene.library.filepath}: prepare it in that file.')
 
 
-def _use_tables(plans, tables):
-    """Let the groups of each plan read its tables, whose values are `tables`."""
-    for plan, values in zip(plans, tables, strict=True):
+def _use_tables(baked):
+    """Let the groups of each plan read its tables; baked: pairs of both."""
+    for plan, tables in baked:
         for group in plan.groups:
             glint_bsdf.refresh(group)
-            glint_bsdf.set_table(group, *values)
-            remember(group, plan.stamp, *values)
-
-
-def _new_report(scene, warnings) -> dict:
-    """What `preparation` returns where there is nothing to do."""
-    return {"hints": [], "skipped_lights": [], "hints_by_material": {}, "left_by_material": {}, "baked": [],
-            "reused": [], "unseen": [], "levels": {}, "mip_levels": [], "osl": is_on(scene),
-            "device": _device(scene), "warnings": warnings, "notes": [], "counts": dict.fromkeys(COUNTS, 0)}
-
-
-def _looks_for_lights(report) -> bool:
-    """Whether any material in view has a light to look for."""
-    hinted = {name for name, lights in report["hints_by_material"].items() if lights}
-    return not hinted <= set(report["unseen"])
+            tables.from_source(plan.state).write_to(group)
 
 
 def scene_glint_groups(scene) -> list[bpy.types.ShaderNodeTree]:
@@ -138,14 +140,14 @@ def _by_name(groups) -> list:
     return sorted(groups, key=lambda group: group.name_full)
 
 
-def _bound_work(visits):
-    """Tell each group what bounds a sample's work: visits, {material: elements of the map that it visits at most}, and
-    closures, of which Cycles keeps 64 a shading point for all lobes that a material sums."""
+def _bound_work(choices):
+    """Tell each group what bounds a sample's work: elements of the map that it visits at most, and closures, of which
+    Cycles keeps 64 a shading point for all lobes that a material sums. choices: {material: its `Choice`}."""
     lobes, most = {}, {}
-    for material, count in visits.items():
+    for material, choice in choices.items():
         for group in glint_groups(material):
             lobes[group] = max(lobes.get(group, 1), glint_lobes(material))
-            most[group] = max(most.get(group, 1), count)
+            most[group] = max(most.get(group, 1), choice.visits)
     for group in lobes:
         if group.library is None:
             glint_bsdf.share_closures(group, lobes[group])
@@ -175,63 +177,3 @@ def _baked_whole_or_not_at_all(folder: Path, baked: list[str]):
         if is_new and folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
         raise
-
-
-def _count_tables(report):
-    """Count each table file once, however many groups read it."""
-    baked, used = ({Path(path) for path in names} for names in (report["baked"], report["baked"] + report["reused"]))
-    report["counts"] |= {
-        "tables_baked": len(baked), "tables_in_use": len(used),
-        "bytes_baked": sum(path.stat().st_size for path in baked),
-        "bytes_in_use": sum(path.stat().st_size for path in used),
-    }
-
-
-def _device(scene) -> str:
-    return scene.cycles.device if hasattr(scene, "cycles") else "CPU"
-
-
-def _warnings(scene, groups) -> list[str]:
-    warnings = []
-    if not osl_available():
-        warnings.append(NO_OSL)
-    if scene.render.engine != "CYCLES":
-        warnings.append(f"The render engine is {scene.render.engine}: choose Cycles to render glints.")
-    if _device(scene) == "GPU":
-        warnings.append(ON_GPU)
-    if scene.render.use_simplify and getattr(scene.cycles, "texture_limit_render", "OFF") != "OFF":
-        warnings.append("Simplify limits texture sizes, which garbles the glint tables: set its limit to No Limit.")
-    if scene.render.use_simplify and getattr(scene.cycles, "texture_resolution_render", 1.0) < 1.0:
-        warnings.append("Simplify scales textures down, which garbles the glint tables: set their resolution to 1.")
-    for group in groups:
-        if group.library is None and is_missing(group):
-            warnings.append(f'The normal map "{map_of(group).name}" is missing: find it with File > External Data.')
-    return warnings + _hidden_warnings(scene)
-
-
-def _hidden_warnings(scene) -> list[str]:
-    """Sentences on objects whose materials cannot be found."""
-    return [f'The materials that geometry nodes give to "{name}" are unknown while it, or its modifier, is hidden in '
-            "the viewport: show it there and prepare again." for name in unknown_materials(scene)]
-
-
-def _linked_warnings(uses) -> list[str]:
-    """Sentences on glints of other files, which cannot be prepared here; one for each material."""
-    return sorted({_linked_words(material.name, group) for group, pairs in uses.items() if group.library is not None
-                   and not (stored_text(group, "glint_table") and _reads_scene(group)) for _, material in pairs})
-
-
-def _linked_words(name, group) -> str:
-    linked = f'The glints of "{name}" are linked from {group.library.filepath}'
-    local = "make them local with Object > Relations > Make Local > All"
-    if not _reads_scene(group):
-        return (f"{linked}, saved with an older version of Glint, and look for the lights of that file alone: "
-                f"prepare them in that file again, or {local}.")
-    return (f"{linked}, where they were not prepared, and have the noise of Blender's own nodes: "
-            f"prepare them in that file, or {local}.")
-
-
-def _reads_scene(group) -> bool:
-    """Whether a Glint BSDF group of another file reads the lights of the scene being rendered."""
-    lights = lights_of(group)
-    return lights is not None and set_of(lights) > 0

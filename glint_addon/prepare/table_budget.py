@@ -33,7 +33,7 @@ def fit_budget(plans, budget: float) -> list[str]:
             plan.levels = (2 * first, last) if first < last else None
         coarser.append(plan)
 
-    reason = f"glint tables take {megabytes(needed)} of memory and the budget is {megabytes(budget * MIB)}"
+    reason = f"glint tables take {mebibytes(needed)} of memory and the budget is {mebibytes(budget * MIB)}"
     cure = "raise Table Budget or use smaller maps"
     if left_out:
         warnings.append(f"{_names(left_out)} left to Blender's own nodes, which are noisy ({reason}): {cure}.")
@@ -53,6 +53,7 @@ def _names(plans) -> str:
     return f"The normal map {names[0]} is" if len(names) == 1 else f"The normal maps {', '.join(names)} are"
 
 
-def megabytes(count: float) -> str:
-    """Bytes as "12.3 MiB"."""
-    return f"{count / MIB:.3g} MiB"
+def mebibytes(count: float) -> str:
+    """Bytes as "12.3 MiB", three digits or whole numbers."""
+    size = count / MIB
+    return f"{size:.3g} MiB" if size < 1000 else f"{size:.0f} MiB"

@@ -19,7 +19,8 @@ from uuid import uuid4
 import bpy
 
 from .. import paths
-from ..nodes import glint_bsdf, image_texture
+from ..nodes import image_texture, map_tables
+from ..nodes.glint_bsdf import is_glint_group
 
 
 def keep_tables():
@@ -78,8 +79,9 @@ def table_paths(group) -> list[str]:
 
 def change_paths(group, change):
     """Let change(path) say what stands for each path that a node group names."""
-    for kind in (glint_bsdf, image_texture):
-        kind.change_paths(group, change)
+    if is_glint_group(group):
+        map_tables.change_paths(group, change)
+    image_texture.change_paths(group, change)
 
 
 def _neighbours() -> list[Path]:

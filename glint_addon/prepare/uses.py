@@ -30,6 +30,18 @@ def glint_uses(scene, *, update: bool = True) -> dict:
     return uses
 
 
+def regrouped(uses) -> dict:
+    """`uses` of a scene whose materials hold other groups since, without looking for its objects again."""
+    found, known = {}, {}
+    for pair in dict.fromkeys(pair for pairs in uses.values() for pair in pairs):
+        material = pair[1]
+        if material not in known:
+            known[material] = glint_groups(material)
+        for group in known[material]:
+            found.setdefault(group, []).append(pair)
+    return found
+
+
 def render_layers(scene) -> list:
     """The view layers of `scene` that are rendered."""
     return [layer for layer in scene.view_layers if layer.use]

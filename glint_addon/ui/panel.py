@@ -5,7 +5,8 @@ from pathlib import Path
 import bpy
 
 from ..errors import GlintError
-from ..nodes.glint_bsdf import PATHS, group_binding, map_of, stored_text
+from ..nodes.glint_bsdf import group_binding, map_of
+from ..nodes.map_tables import MapTables
 from ..nodes.script_node import osl_available
 from ..operators.change_map import glint_nodes
 from ..operators.keep_glints import ADVICE, softens_glints
@@ -106,18 +107,17 @@ def draw_maps(layout, context):
 
 def table_words(group, context) -> tuple[str, str]:
     """What there is to say about the tables of a group, and its icon."""
-    lost = watch.lost_tables(context.scene)
-    names = [bpy.path.basename(stored_text(group, path)) for path in PATHS]
-    wrong = [lost[name] for name in names if name in lost]
+    lost, tables = watch.lost_tables(context.scene), MapTables.of(group)
+    wrong = [lost[name] for name in map(bpy.path.basename, tables.paths) if name in lost]
     if not osl_available():
         return "", "NONE"
     if wrong:
         return f"A table is {wrong[0]}", "ERROR"
-    if names[0]:
-        return names[0], "FILE_CACHE"
+    if tables.path:
+        return bpy.path.basename(tables.path), "FILE_CACHE"
     if context.material.name in context.scene.glint.unseen:
         return "No camera saw it when prepared: no table", "HIDE_ON"
-    if "glint_size" in group:
+    if tables.size is not None:
         return "Over the table budget: no table", "ERROR"
     return "Not prepared yet", "ERROR"
 

@@ -68,7 +68,7 @@ def test_prepare_saves_what_it_found(capfd, blend):
     # 32 texels over a few of 16 pixels: the index of the middle distance is baked beside the table.
     summary, counts, saved = output.splitlines()
     assert (summary, saved) == ("Glint: 1 light found, 2 tables baked, 0 reused, OSL on.", f"Saved {blend}")
-    assert re.fullmatch(r"Tables: 2 baked \((.+ MB)\), 2 in use \(\1\), 1 image read\.", counts), counts
+    assert re.fullmatch(r"Tables: 2 baked \((.+ MiB)\), 2 in use \(\1\), 1 image read\.", counts), counts
     assert "%]" in errors
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     assert bpy.context.scene.glint.prepared and bpy.context.scene.cycles.shading_system
@@ -87,7 +87,7 @@ def test_interrupted_while_baking_nothing_has_changed(capfd, blend, monkeypatch)
         signal.raise_signal(signal.SIGINT)
         return image_pixels(image)
 
-    monkeypatch.setattr("glint_addon.prepare.map_tables.image_pixels", read)
+    monkeypatch.setattr("glint_addon.prepare.map_bake.image_pixels", read)
     content, before = blend.read_bytes(), signal.getsignal(signal.SIGINT)
     assert "Stopped with Ctrl-C: nothing has changed" in refused(capfd, "prepare", blend)
     assert blend.read_bytes() == content and not (blend.parent / "glint_tables").exists()

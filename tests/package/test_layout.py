@@ -21,8 +21,10 @@ ALLOWED = {
     "lights": {"animation", "bake", "errors", "images", "materials", "nodes"},
     "seen": {"animation", "bake", "materials", "nodes"},
     "choice": {"animation", "lights", "nodes", "seen"},
-    "prepare": {"animation", "bake", "choice", "errors", "images", "lights", "materials", "nodes", "paths", "properties",
-                "seen"},
+    "prepare": {
+        "animation", "bake", "choice", "errors", "images", "lights", "materials", "nodes", "paths", "properties",
+        "seen",
+    },
     "operators": {"errors", "images", "materials", "nodes", "prepare", "properties"},
     "cli": {"bake", "errors", "materials", "nodes", "operators", "paths", "prepare"},
     "ui": {"errors", "materials", "nodes", "operators", "prepare"},
@@ -30,6 +32,8 @@ ALLOWED = {
     "__main__": {"", "cli"},
 }
 MODULES = sorted(ADDON.rglob("*.py"))
+# Strings that begin like the name of a property and are none: names of files on disk, by the module they stand in.
+FILE_NAMES = {"paths.py": {"glint_tables"}, "bake/float_image.py": {"glint_"}}
 
 
 def part(file: Path) -> str:
@@ -85,6 +89,29 @@ def test_baking_never_imports_bpy(file):
     blender = {"bpy", "mathutils", "bl_math", "gpu", "_cycles", "cycles"}
     for _, name, line in imports(file):
         assert name.split(".")[0] not in blender, f"{file.name}:{line} imports {name}"
+
+
+def property_names(source: str) -> set[str]:
+    """All strings in `source` that begin as the names of the extension's properties do."""
+    strings = (node.value for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant))
+    return {text for text in strings if isinstance(text, str) and text.startswith("glint_") and " " not in text}
+
+
+@pytest.mark.parametrize("file", MODULES, ids=lambda file: str(file.relative_to(ADDON)))
+def test_names_of_custom_properties_stand_in_one_module(file):
+    place = file.relative_to(ADDON).as_posix()
+    if place != "properties.py":
+        assert property_names(file.read_text(encoding="utf-8")) == FILE_NAMES.get(place, set())
+
+
+def test_each_custom_property_has_a_name_of_its_own():
+    source = (ADDON / "properties.py").read_text(encoding="utf-8")
+    assert {"glint_table", "glint_prepared"} <= property_names(source)
+    assert all(source.count(f'"{name}"') == 1 for name in property_names(source))
+
+
+def test_a_name_inside_a_longer_string_is_seen_where_it_begins():
+    assert property_names('group[f"glint_{name}"] = scene["glint_lights"]') == {"glint_", "glint_lights"}
 
 
 def test_the_walk_sees_an_import_that_goes_up(tmp_path, monkeypatch):

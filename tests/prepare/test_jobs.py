@@ -220,8 +220,8 @@ def prepared_by(scene, tmp_path):
 def test_a_scene_prepared_in_a_thread_is_as_prepared_at_once(scene, prepared_by):
     report = stepped(Running(prepared_by))
     after = state(scene)
-    assert len(report["baked"]) == 3 and report["hints"] == ["Sun"]
-    assert finished(preparation(scene), lambda fraction, text: None)["reused"] == report["baked"]
+    assert len(report.baked) == 3 and report.hints == ["Sun"]
+    assert finished(preparation(scene), lambda fraction, text: None).reused == report.baked
     assert state(scene) == after
 
 

@@ -14,6 +14,7 @@ from glint_addon.nodes.glint_bsdf import map_of
 from glint_addon.paths import TABLE_FOLDER_NAME, disk_path, table_folder
 from tests.helpers import cycles
 from tests.helpers.extension import data_names, write_flake_map
+from tests.helpers.no_osl import take_osl_away
 
 
 @pytest.fixture
@@ -101,7 +102,7 @@ def test_the_second_call_does_not_even_read_the_image(scene, plane, monkeypatch)
     def read(image):
         raise AssertionError(f"{image.name} was read again")
 
-    monkeypatch.setattr("glint_addon.prepare.map_tables.image_pixels", read)
+    monkeypatch.setattr("glint_addon.prepare.map_bake.image_pixels", read)
     assert prepare_scene(scene)["reused"]
 
 
@@ -374,8 +375,7 @@ def test_another_engine_is_warned_about(scene, plane):
 
 
 def test_a_blender_without_osl_is_told_and_bakes_nothing(scene, plane, blend, monkeypatch):
-    for module in ("prepare.scene", "prepare.shading_system"):
-        monkeypatch.setattr(f"glint_addon.{module}.osl_available", lambda: False)
+    take_osl_away(monkeypatch)
     scene.cycles.shading_system = False
     report = prepare_scene(scene)
     assert "Open Shading Language" in report["warnings"][0] and report["osl"] is False

@@ -1,6 +1,7 @@
 """The panel: what it says for each state of the file, and that drawing reads no file and changes no data."""
 
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import bpy
@@ -10,6 +11,7 @@ from glint_addon.nodes import GROUPS
 from glint_addon.nodes.glint_bsdf import IMAGE_NODE
 from glint_addon.operators.scene_state import store_report
 from glint_addon.prepare import watch
+from glint_addon.prepare.report import Report
 from glint_addon.prepare.shading_system import LEFT_OFF, NO_OSL, ON_GPU
 from glint_addon.ui import menus, text
 from glint_addon.ui.lights_panel import GLINT_PT_lights
@@ -21,19 +23,19 @@ from tests.helpers.panel import SCREEN, Layout, words_of
 
 pytestmark = pytest.mark.usefixtures("registered")
 
-REPORT = {
-    "hints": ["Sun"],
-    "skipped_lights": [["Lamp", "it is too large for glints"]],
-    "hints_by_material": {"Glint flakes": ["Sun"]},
-    "left_by_material": {"Glint flakes": []},
-    "baked": ["/somewhere/glint_tables/new.exr"],
-    "reused": ["/somewhere/glint_tables/old.exr"],
-    "unseen": ["Hidden away"],
-    "osl": True,
-    "device": "CPU",
-    "warnings": ["Simplify limits the texture size."],
-    "notes": [],
-}
+REPORT = Report(
+    hints=["Sun"],
+    skipped_lights=[["Lamp", "it is too large for glints"]],
+    hints_by_material={"Glint flakes": ["Sun"]},
+    left_by_material={"Glint flakes": []},
+    baked=["/somewhere/glint_tables/new.exr"],
+    reused=["/somewhere/glint_tables/old.exr"],
+    unseen=["Hidden away"],
+    osl=True,
+    device="CPU",
+    warnings=["Simplify limits the texture size."],
+    notes=[],
+)
 
 _opened = []
 _listening = []
@@ -124,11 +126,11 @@ def test_the_panel_shows_the_lights_of_the_shown_material_and_which_are_left_to_
     shown = glinting.active_material.name
     add_lights("Moon", "Sun", *(f"Lamp {number}" for number in range(6)))
     far = [[f"Lamp {number}", "too dim"] for number in range(6)]
-    store_report(bpy.context.scene, {
-        **REPORT, "hints": ["Moon", "Sun"],
-        "hints_by_material": {shown: ["Moon"], "Other": ["Sun"]},
-        "left_by_material": {shown: [["Sun", "out of reach"], *far], "Other": []},
-    })
+    store_report(bpy.context.scene, replace(
+        REPORT, hints=["Moon", "Sun"],
+        hints_by_material={shown: ["Moon"], "Other": ["Sun"]},
+        left_by_material={shown: [["Sun", "out of reach"], *far], "Other": []},
+    ))
     lights = drawn(GLINT_PT_lights, width=900)
     assert lights[:2] == ["Moon", "Left to chance on this material:"]
     assert "Sun: out of reach" in lights and "Sun" not in lights
@@ -138,8 +140,8 @@ def test_the_panel_shows_the_lights_of_the_shown_material_and_which_are_left_to_
 def test_a_report_of_many_lights_and_materials_is_kept_whole(glinting):
     lights = [f"Lamp {number}" for number in range(1000)]  # so many that Blender moves the lines as they grow
     materials = [f"Material {number}" for number in range(10)]
-    store_report(bpy.context.scene, {**REPORT, "hints_by_material": dict.fromkeys(materials, lights),
-                                     "left_by_material": dict.fromkeys(materials, [["Moon", "too dim"]])})
+    store_report(bpy.context.scene, replace(REPORT, hints_by_material=dict.fromkeys(materials, lights),
+                                            left_by_material=dict.fromkeys(materials, [["Moon", "too dim"]])))
     stored = [(line.material, line.name, line.detail) for line in bpy.context.scene.glint.material_lights]
     assert stored == [(material, *pair) for material in materials
                       for pair in [*((name, "") for name in lights), ("Moon", "too dim")]]
@@ -147,7 +149,7 @@ def test_a_report_of_many_lights_and_materials_is_kept_whole(glinting):
 
 def test_a_new_report_replaces_the_old_one(glinting):
     store_report(bpy.context.scene, REPORT)
-    store_report(bpy.context.scene, {**REPORT, "hints": [], "warnings": [], "baked": [], "reused": [], "unseen": []})
+    store_report(bpy.context.scene, replace(REPORT, hints=[], warnings=[], baked=[], reused=[], unseen=[]))
     assert not bpy.context.scene.glint.warnings
     assert "No light makes glints" in drawn(GLINT_PT_lights)[0]
     assert drawn(GLINT_PT_tables) == ["No table is in use", "[Also Bake Unseen]", "[Table Budget (MiB)]"]
@@ -200,7 +202,7 @@ def test_the_report_is_saved_with_the_file(glinting, tmp_path):
 
 def test_long_sentences_are_wrapped_to_the_width_of_the_panel(glinting):
     sentence = "The GPU backend has no Open Shading Language: choose CPU or OptiX to render glints."
-    store_report(bpy.context.scene, {**REPORT, "warnings": [sentence]})
+    store_report(bpy.context.scene, replace(REPORT, warnings=[sentence]))
     for width in (250, 400, 900):
         seen = drawn(GLINT_PT_material, width=width)
         lines = seen[seen.index("OSL on, CPU") + 1 :]

@@ -1,0 +1,115 @@
+"""What a preparation takes from glint materials, their maps and objects, in JSON's types, and what changed since."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..bake.float_image import is_whole
+from ..errors import GlintError
+from ..images import file_digest
+from ..nodes.glint_bsdf import group_binding, map_of
+from ..nodes.script_node import osl_available
+from .stored_tables import remembered_tables
+
+BINDING_WORDS = ("Interpolation", "Convention", "Distribution", "UV map", "Extension")
+
+
+def material_facts(uses, states) -> dict[str, list]:
+    """Of each material its groups: [name of the map, its state, how it is read..., roughness and strength]; where it
+    cannot be read, the first word of five says why, and the others are empty."""
+    found = {}
+    for group, pairs in uses.items():
+        for material in dict.fromkeys(material for _, material in pairs):
+            found.setdefault(material.name_full, []).append(_group(group, states) + [_values(material, group)])
+    return {name: sorted(groups) for name, groups in found.items()}
+
+
+def object_facts(uses) -> dict[str, list[str]]:
+    """Of each object that shows glints the names of its materials that do."""
+    objects = {}
+    for pairs in uses.values():
+        for thing, material in pairs:
+            objects.setdefault(thing.name_full, set()).add(material.name_full)
+    return {name: sorted(materials) for name, materials in objects.items()}
+
+
+def changed_materials(before, now, digests) -> list[str]:
+    """Sentences on materials. digests: {map: `file_digest`} of the maps before, which tell copies of a file."""
+    sentences = [f'Material "{name}" shows glints now.' for name in now if name not in before]
+    for name in sorted(now.keys() & before.keys()):
+        if len(now[name]) != len(before[name]):
+            sentences.append(f'Material "{name}" has {len(now[name])} Glint BSDFs now, not {len(before[name])}.')
+            continue
+        for one, other in zip(now[name], before[name], strict=True):
+            sentences += _changed_group(name, one, other, digests)
+    return sorted(dict.fromkeys(sentences))
+
+
+def changed_objects(before, now) -> list[str]:
+    """Objects whose footprints and lights nobody has judged; what no longer shows glints does no harm."""
+    return sorted(f'Object "{name}" shows glints now.' for name in now
+                  if name not in before or set(now[name]) - set(before[name]))
+
+
+def lost_tables(uses) -> list[str]:
+    """Tables that are not there, or not as they were written: of linked groups too, which cannot be prepared here."""
+    if not osl_available():
+        return []
+    sentences = []
+    for group in sorted(uses, key=lambda group: group.name_full):
+        tables = remembered_tables(group)
+        name = map_of(group).name
+        if not all(table.is_file() for table in tables):
+            sentences.append(f'Tables of the map "{name}" are gone from {_folder(tables)}.')
+        elif not all(map(is_whole, tables)):
+            sentences.append(f'Tables of the map "{name}" are damaged.')
+    return list(dict.fromkeys(sentences))
+
+
+def _group(group, states) -> list[str]:
+    image = map_of(group)
+    try:
+        binding = group_binding(group)
+    except GlintError as error:
+        return [image.name_full, states[image], str(error), "", "", "", ""]
+    return [image.name_full, states[image], binding.interpolation, binding.convention, binding.distribution,
+            binding.uv_map, binding.extension]
+
+
+def _changed_pixels(name, state) -> str:
+    return f'The pixels of the map "{name}" changed.' if state else f'The file of the map "{name}" is gone.'
+
+
+def _values(material, group) -> str:
+    """Values that say which lights facets can mirror, to two digits, of the nodes that the material itself holds."""
+    nodes = [node for node in material.node_tree.nodes if getattr(node, "node_tree", None) == group]
+    if material.node_tree.animation_data is not None:
+        return ""
+    sockets = [node.inputs[name] for node in nodes for name in ("Roughness", "Strength") if name in node.inputs]
+    return " ".join("" if socket.is_linked else f"{socket.default_value:.2g}" for socket in sockets)
+
+
+def _changed_group(name, now, before, digests) -> list[str]:
+    image, state, *reading, values = now
+    old_image, old_state, *old_reading, old_values = before
+    if image != old_image:
+        return [f'Material "{name}" reads the map "{image}" now, not "{old_image}".']
+    is_same = state == old_state or digests[image] != "" and _digest_now(image) == digests[image]
+    sentences = [] if is_same else [_changed_pixels(image, state)]
+    if reading != old_reading and not all(any(words[1:]) for words in (reading, old_reading)):
+        return [*sentences, f'The map of "{name}" can be read again.' if any(reading[1:]) else reading[0]]
+    for word, new, old in zip(BINDING_WORDS, reading, old_reading, strict=True):
+        if new != old:
+            sentences.append(f'{word} of the map of "{name}" is {new or "the active one"} now, not '
+                             f'{old or "the active one"}.')
+    if values != old_values:
+        sentences.append(f'Roughness or Strength of "{name}" changed.')
+    return sentences
+
+
+def _digest_now(image: str) -> str:
+    return next((file_digest(each) for each in bpy.data.images if each.name_full == image), "")
+
+
+def _folder(tables) -> str:
+    return next(str(table.parent) for table in tables if not table.is_file())
