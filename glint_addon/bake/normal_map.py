@@ -22,27 +22,57 @@ def decoded_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str
     a map none of whose normals faces up.
     Source: Cycles, node_normal_map.osl.
     """
+    _check_reading(pixels, convention, name)
+    normals = np.empty((*pixels.shape[:2], 3), np.float32)
+    parts = (normals[low : low + ROWS] for low in range(0, len(pixels), ROWS))
+    _decode(pixels, parts, convention, name)
+    return normals
+
+
+def check_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str = "normal map"):
+    """Raise MapError for all that `decoded_normals` raises it for, without keeping normals: no more memory than ROWS
+    rows of them take."""
+    _check_reading(pixels, convention, name)
+    part = np.empty((ROWS, pixels.shape[1], 3), np.float32)
+    parts = (part[: len(pixels) - low] for low in range(0, len(pixels), ROWS))
+    _decode(pixels, parts, convention, name)
+
+
+def check_convention(convention: str):
+    """Raise MapError for a convention that there is not."""
     if convention not in CONVENTIONS:
         raise MapError(f'Normal map convention "{convention}" is unknown: use one of {", ".join(CONVENTIONS)}.')
+
+
+def _check_reading(pixels, convention, name):
+    """Raise MapError for what can be told without looking at a pixel."""
+    check_convention(convention)
     if pixels.ndim != 3 or pixels.shape[2] < 3 or 0 in pixels.shape:
         raise MapError(f'Normal map "{name}" has no colour pixels (shape {pixels.shape}): choose an RGB image.')
     if max(pixels.shape[:2]) > LARGEST_SIDE:
         raise MapError(f'Normal map "{name}" is larger than {LARGEST_SIDE} texels a side: scale it down.')
-    normals = np.empty((*pixels.shape[:2], 3), np.float32)
+
+
+def _decode(pixels, parts, convention, name):
+    """Decode ROWS rows of pixels after the other into `parts`, arrays for the normals of each. Raises MapError."""
     unusable, without_direction, faces_up = 0, 0, False
-    for low in range(0, len(pixels), ROWS):
+    for low, part in zip(range(0, len(pixels), ROWS), parts, strict=True):
         colors = np.asarray(pixels[low : low + ROWS, :, :3], dtype=np.float32)
         usable = np.abs(colors) <= LARGEST_VALUE  # NaN is not
         if not usable.all():
             unusable += int((~usable.all(axis=2)).sum())
             continue
-        part = normals[low : low + ROWS]
         np.subtract(colors, np.float32(0.5), out=part)
         part *= 2.0
         if convention == "DIRECTX":
             part[..., 1] *= -1.0
         faces_up = faces_up or bool((part[..., 2] > 0.0).any())
         without_direction += int(np.count_nonzero(np.einsum("hwc,hwc->hw", part, part) <= 0.0))
+    _refuse(unusable, without_direction, faces_up, name)
+
+
+def _refuse(unusable, without_direction, faces_up, name):
+    """Raise MapError for a map with such pixels, so many of each, or none that faces up."""
     if unusable:
         raise MapError(f'Normal map "{name}" has {unusable} pixels that are NaN, infinite or huge: export it again.')
     if without_direction:
@@ -55,7 +85,6 @@ def decoded_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str
             f'Normal map "{name}" has no pixel that faces up and would render black, as a black or grey picture does: '
             "choose a normal map, which is mostly light blue."
         )
-    return normals
 
 
 def slope_bounds(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,9 +7,10 @@ from numbers import Real
 import bpy
 
 from ..errors import MapError
-from ..images import data_image, image_pixels, normal_map_image, remove_unused_copies
-from ..nodes.builder import add_node, arrange
-from ..nodes.glint_bsdf import MapBinding, follow_map, group_for
+from ..images import data_image, image_pixels, image_stamp, normal_map_image, remove_unused_copies
+from ..nodes.builder import add_node, arrange, version_of
+from ..nodes.glint_bsdf import VERSION, MapBinding, follow_map, group_for, image_read, is_glint_group
+from ..nodes.map_tables import MapTables
 
 
 def create_glint_material(
@@ -85,7 +86,7 @@ def _data_blocks() -> set:
 
 def _bound_group(normal_map, interpolation, convention, distribution, uv_map, extension):
     image = normal_map_image(normal_map)
-    _decoded(image, convention)
+    _refuse_unusable(image, convention)
     group = group_for(MapBinding(image, interpolation, convention, distribution, uv_map, extension))
     # A group that was there may read a copy of what the image held before.
     follow_map(group)
@@ -93,11 +94,22 @@ def _bound_group(normal_map, interpolation, convention, distribution, uv_map, ex
     return group
 
 
-def _decoded(image, convention):
-    """Refuse a map that the bake would refuse, before anything is made."""
-    from ..bake.normal_map import decoded_normals
+def _refuse_unusable(image, convention):
+    """Refuse a map that the bake would refuse, before anything is made; it is decoded only to be baked."""
+    from ..bake.normal_map import check_convention, check_normals
 
-    return decoded_normals(image_pixels(data_image(image)), convention=convention, name=image.name)
+    check_convention(convention)
+    data = data_image(image)
+    if not _was_baked(data):
+        check_normals(image_pixels(data), convention=convention, name=image.name)
+
+
+def _was_baked(image) -> bool:
+    """Whether tables were baked of the file of `image` as it is now, for any group: that refused nothing of it."""
+    stamp = image_stamp(image)
+    return stamp != "" and any(
+        is_glint_group(group) and version_of(group) == VERSION and image_read(group) == image
+        and MapTables.of(group).source == stamp for group in bpy.data.node_groups)
 
 
 def _add_surface(material, group, roughness, color, strength, uv_map):

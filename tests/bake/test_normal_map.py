@@ -1,11 +1,13 @@
 """Pixels to tangent-space normals: decoding against Cycles' formula, the two conventions, and each refusal."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glint_addon.bake.normal_map import CONVENTIONS, LARGEST_SIDE, ROWS, decoded_normals, slope_bounds
+from glint_addon.bake.normal_map import CONVENTIONS, LARGEST_SIDE, ROWS, check_normals, decoded_normals, slope_bounds
 from glint_addon.errors import MapError
 
 seeds = st.integers(0, 2**32 - 1)
@@ -17,10 +19,13 @@ def pixels(*colors):
 
 
 def refusal(*arguments, **settings) -> str:
-    """The one sentence with which a map is refused."""
+    """The one sentence with which a map is refused, whether it is decoded or checked alone."""
     with pytest.raises(MapError) as error:
         decoded_normals(*arguments, **settings)
     sentence = str(error.value)
+    with pytest.raises(MapError) as same:
+        check_normals(*arguments, **settings)
+    assert str(same.value) == sentence
     assert sentence.endswith(".") and ": " in sentence and "\n" not in sentence
     return sentence
 
@@ -87,7 +92,28 @@ def test_a_black_or_grey_picture_is_refused_because_nothing_faces_up(value):
 
 
 def test_a_flat_map_is_a_mirror_and_not_refused():
-    assert (decoded_normals(np.full((4, 4, 3), (0.5, 0.5, 1.0), np.float32)) == (0, 0, 1)).all()
+    flat = np.full((4, 4, 3), (0.5, 0.5, 1.0), np.float32)
+    check_normals(flat)
+    assert (decoded_normals(flat) == (0, 0, 1)).all()
+
+
+@pytest.mark.parametrize("height", [1, ROWS - 1, ROWS, 3 * ROWS + 1])
+def test_the_last_row_of_a_map_of_any_height_is_checked(height):
+    image = np.full((height, 5, 3), (0.5, 0.5, 1.0), np.float32)
+    check_normals(image)
+    image[-1, 4] = 0.5
+    assert "has 1 pixels of value" in refusal(image)
+
+
+def test_checking_a_map_keeps_no_normals():
+    image = np.full((64 * ROWS, 64, 3), (0.5, 0.5, 1.0), np.float32)
+    tracemalloc.start()
+    try:
+        check_normals(image)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < image.nbytes / 4
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)

@@ -1,5 +1,7 @@
 """prepare_scene does no work twice: tables baked, bytes and images read, counted over frames and scenes."""
 
+import sys
+from collections import Counter
 from pathlib import Path
 
 import bpy
@@ -7,6 +9,8 @@ import pytest
 
 from demo_scenes import maps
 from glint_addon import create_glint_material, prepare_scene
+from glint_addon.errors import MapError
+from glint_addon.prepare.changes import changes_since_prepared
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
 
@@ -86,3 +90,113 @@ def test_a_map_that_no_file_holds_is_read_again_and_baked_once(scene, folder):
 def test_a_scene_with_no_glints_counts_nothing(scene):
     counts = prepare_scene(scene)["counts"]
     assert counts and not any(counts.values())
+
+
+# --- the map ---
+
+
+@pytest.fixture
+def work(monkeypatch) -> Counter:
+    """How often a map's pixels were "read", to be checked or baked, and "decoded" as a whole."""
+    counted = Counter()
+
+    def count(place, name, what):
+        original = getattr(sys.modules[place], name)
+
+        def counting(*arguments, **settings):
+            counted[what] += 1
+            return original(*arguments, **settings)
+
+        monkeypatch.setattr(f"{place}.{name}", counting)
+
+    for place in ("glint_addon.materials.create", "glint_addon.prepare.map_bake"):
+        count(place, "image_pixels", "read")
+    for place in ("glint_addon.bake.normal_map", "glint_addon.prepare.map_bake"):
+        count(place, "decoded_normals", "decoded")
+    count("glint_addon.images.state", "read_pixels", "digested")
+    count("glint_addon.prepare.uses", "worn_materials", "objects searched")
+    return counted
+
+
+def show(*materials):
+    for material in materials:
+        bpy.data.objects["Mesh"].data.materials.append(material)
+
+
+def test_a_map_is_checked_when_its_material_is_made_and_decoded_only_to_be_baked(scene, folder, tmp_path, work):
+    new = write_flake_map(tmp_path / "new.png", 2 * MAP_SIDE)
+    show(create_glint_material("New", new))
+    assert work == {"read": 1}
+    prepare_scene(scene)
+    assert work["decoded"] == 2 and work["read"] == 3, "the two maps of the scene, each once"
+
+
+def test_another_material_of_a_map_that_is_baked_does_not_read_it(scene, folder, tmp_path, work):
+    prepare_scene(scene)
+    work.clear()
+    show(create_glint_material("Halo", tmp_path / "flakes.png", interpolation="CLOSEST", distribution="GGX"))
+    create_glint_material("Turned", tmp_path / "flakes.png", convention="DIRECTX")
+    assert not work
+    assert prepare_scene(scene)["counts"]["images_read"] == 0
+
+
+def test_a_map_that_changed_since_it_was_baked_is_refused_when_its_material_is_made(scene, folder, tmp_path):
+    prepare_scene(scene)
+    blacken(tmp_path / "flakes.png")
+    bpy.data.images["flakes.png"].reload()
+    with pytest.raises(MapError, match="no pixel that faces up"):
+        create_glint_material("Halo", tmp_path / "flakes.png", distribution="GGX")
+
+
+def test_a_map_that_changed_unknown_to_blender_is_refused_when_it_is_baked(scene, folder, tmp_path):
+    prepare_scene(scene)
+    blacken(tmp_path / "flakes.png")
+    show(create_glint_material("Halo", tmp_path / "flakes.png", distribution="GGX"))
+    with pytest.raises(MapError, match="no pixel that faces up"):
+        prepare_scene(scene)
+
+
+def test_an_unknown_convention_is_refused_of_a_map_that_is_baked_too(scene, folder, tmp_path):
+    prepare_scene(scene)
+    with pytest.raises(MapError, match='Normal map convention "VULKAN" is unknown'):
+        create_glint_material("Halo", tmp_path / "flakes.png", convention="VULKAN")
+
+
+def test_a_map_that_is_read_in_two_ways_is_decoded_once(scene, folder, tmp_path, work):
+    other = write_flake_map(tmp_path / "other.png", 2 * MAP_SIDE)
+    show(create_glint_material("Other", other), create_glint_material("Smooth", tmp_path / "flakes.png"))
+    work.clear()
+    report = prepare_scene(scene)
+    assert report["counts"]["images_read"] == work["read"] == work["decoded"] == 2
+    assert report["counts"]["tables_baked"] == 3 + len([path for path in report["baked"] if "_index" in path])
+    assert len(report["levels"]) == 3
+
+
+def test_a_map_that_is_read_in_both_conventions_has_tables_of_both(scene, folder, tmp_path, work):
+    show(create_glint_material("Turned", tmp_path / "flakes.png", interpolation="CLOSEST", convention="DIRECTX"))
+    work.clear()
+    report = prepare_scene(scene)
+    tables = [path for path in report["baked"] if "_index" not in path]
+    assert work["decoded"] == 2 and len(set(tables)) == 2
+
+
+def test_a_painted_map_that_is_shown_as_colour_is_digested_once_for_all_that_read_it(scene, folder, work):
+    image = maps.blender_image("Painted", maps.flakes(MAP_SIDE, std=0.2), is_data=False)
+    show(*(create_glint_material(name, image, distribution=name) for name in ("BECKMANN", "GGX")))
+    prepare_scene(scene)
+    work.clear()
+    prepare_scene(scene)
+    assert work["digested"] == 1 and changes_since_prepared(scene) == []
+
+
+def test_the_objects_of_a_scene_are_searched_for_glints_once(scene, folder, work):
+    prepare_scene(scene)
+    assert work["objects searched"] == len(scene.objects) and changes_since_prepared(scene) == []
+
+
+def blacken(file):
+    """Let the file of a map be a black picture."""
+    image = bpy.data.images.new("Black", 8, 8)
+    image.filepath_raw, image.file_format = str(file), "PNG"
+    image.save()
+    bpy.data.images.remove(image)
