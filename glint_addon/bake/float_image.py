@@ -193,16 +193,10 @@ def stored_pairs(path: Path, names) -> list[np.ndarray] | None:
 
     None too if the file is not whole.
     """
-    from .openimageio import oiio
+    from .openimageio import opened
 
     if not is_whole(path):
         return None
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        oiio.geterror()  # else it is reported as another file's
-        return None
-    try:
-        pairs = [source.spec().getattribute(name) for name in names]
-    finally:
-        source.close()
+    with opened(path) as source:
+        pairs = [source.spec().getattribute(name) for name in names] if source is not None else [None]
     return None if None in pairs else [np.array(pair, np.float32) for pair in pairs]

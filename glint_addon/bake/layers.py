@@ -47,7 +47,7 @@ def _opened(path, contents):
 
     Raises MapError if the temporary folder does not take the contents.
     """
-    from .openimageio import oiio
+    from .openimageio import opened
 
     with TemporaryDirectory(prefix="glint-") as folder:
         if contents is not None:
@@ -57,11 +57,5 @@ def _opened(path, contents):
             except OSError as error:
                 raise MapError(f"Layered image {path.name} cannot be unpacked ({error.strerror}): free some disk space."
                                ) from error
-        source = oiio.ImageInput.open(str(path))
-        if source is None:
-            oiio.geterror()  # else it is reported as another file's
-        try:
+        with opened(path) as source:
             yield source
-        finally:
-            if source is not None:
-                source.close()

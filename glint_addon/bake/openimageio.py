@@ -1,4 +1,4 @@
-"""The one importer of OpenImageIO: `from .openimageio import oiio`.
+"""The one importer of OpenImageIO, `from .openimageio import oiio`, and the one opener of files to read with it.
 
 The Blender application has it on its path. The pip module bpy carries it in a folder of its own that is not on the
 path; that folder is found without importing bpy, so baking needs no Blender.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
@@ -41,3 +42,16 @@ def imported(name: str = "OpenImageIO") -> ModuleType:
 
 
 OpenImageIO = oiio = imported()
+
+
+@contextmanager
+def opened(path):
+    """OpenImageIO's reader of the file at `path` within this block, None if it cannot read it."""
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        oiio.geterror()  # else it is reported as another file's
+    try:
+        yield source
+    finally:
+        if source is not None:
+            source.close()

@@ -1,6 +1,6 @@
 """Blender's images as arrays and as normal maps: what they hold, whether they changed, and copies that read data."""
 
-from .data_copies import data_image, follow, is_data_copy, remove_unused_copies
+from .data_copies import data_image, is_data_copy, remove_unused_copies
 from .normal_map import normal_map_image
 from .pixels import USABLE_SOURCES, image_path, image_pixels, image_shape, is_layered, layer_pixels, read_pixels
 from .state import ImageStates, file_digest, image_stamp, image_state, is_unsaved
@@ -10,7 +10,6 @@ __all__ = (
     "ImageStates",
     "data_image",
     "file_digest",
-    "follow",
     "image_path",
     "image_pixels",
     "image_shape",

@@ -47,29 +47,22 @@ def is_data_copy(image: bpy.types.Image | None) -> bool:
     return not image.is_dirty and image[COPY_CONTENT] == _content(image)
 
 
-def follow(copy: bpy.types.Image, original: bpy.types.Image) -> bool:
-    """Bring a copy up to date with its original, in place; returns whether it had changed.
-
-    Leaves alone what is not a copy, a copy of another image, and a copy whose original's file is missing. Raises
-    MapError if the pixels cannot be copied; the copy is as it was then.
-    """
-    return _follow(copy, original, image_state(original))
-
-
 def remove_unused_copies():
     """Remove the copies that nothing uses any more."""
     bpy.data.batch_remove([image for image in bpy.data.images if is_data_copy(image) and image.users == 0])
 
 
-def _follow(copy, original, state) -> bool:
-    """`follow`, where the `image_state` of the original is known."""
+def _follow(copy, original, state):
+    """Bring a copy up to date with its original, whose `image_state` is `state`, in place.
+
+    Leaves alone what is not a copy, a copy of another image, and a copy whose original's file is missing. Raises
+    MapError if the pixels cannot be copied; the copy is as it was then.
+    """
     if state == "" or copy == original or not is_data_copy(copy) or not _belongs(copy, original):
-        return False
+        return
     copy[COPY_OF] = original.name_full
-    if copy[COPY_STATE] == state:
-        return False
-    _fill(copy, original, state)
-    return True
+    if copy[COPY_STATE] != state:
+        _fill(copy, original, state)
 
 
 def _belongs(copy, original) -> bool:

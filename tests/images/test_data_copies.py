@@ -14,7 +14,6 @@ from glint_addon.bake.image_bytes import image_bytes
 from glint_addon.errors import MapError
 from glint_addon.images import (
     data_image,
-    follow,
     image_pixels,
     image_state,
     is_data_copy,
@@ -24,6 +23,7 @@ from glint_addon.images import (
 from glint_addon.materials.create import create_glint_material
 from tests.helpers import cycles
 from tests.helpers.extension import data_names
+from tests.helpers.image_copies import follow
 from tests.images.test_images import shown_by_cycles
 
 SIZE = 16

@@ -6,12 +6,13 @@ import pytest
 
 from glint_addon.bake.openimageio import oiio
 from glint_addon.errors import MapError
-from glint_addon.images import data_image, follow, image_pixels, image_shape, image_stamp, normal_map_image
+from glint_addon.images import data_image, image_pixels, image_shape, image_stamp, normal_map_image
 from glint_addon.images.stored import stored_image
 from glint_addon.materials.create import create_glint_material
 from glint_addon.materials.find import glint_groups
 from glint_addon.nodes.glint_bsdf import map_of
 from tests.helpers.extension import data_names
+from tests.helpers.image_copies import follow
 from tests.images.test_images import shown_by_cycles
 
 SIZE = 16

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...bake.openimageio import oiio
+from ...bake.openimageio import oiio, opened
 from ...images import read_pixels
 
 ROWS = 64  # of a file read at a time: all of a picture at once would take its memory twice
@@ -42,14 +42,8 @@ def _pixels_of_file(image) -> np.ndarray | None:
     space = image.colorspace_settings
     if image.source != "FILE" or not (space.is_data or space.name.startswith("Linear")) or not path.is_file():
         return None
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        oiio.geterror()  # else it is reported as another file's
-        return None
-    try:
-        return _rows_of(source)
-    finally:
-        source.close()
+    with opened(path) as source:
+        return _rows_of(source) if source is not None else None
 
 
 def _rows_of(source) -> np.ndarray | None:
