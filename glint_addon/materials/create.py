@@ -7,7 +7,7 @@ from numbers import Real
 import bpy
 
 from ..errors import MapError
-from ..images import data_image, image_pixels, image_stamp, normal_map_image, remove_unused_copies
+from ..images import ImageStates, data_image, image_pixels, image_stamp, normal_map_image, remove_unused_copies
 from ..nodes.builder import add_node, arrange, version_of
 from ..nodes.glint_bsdf import VERSION, MapBinding, follow_map, group_for, image_read, is_glint_group
 from ..nodes.map_tables import MapTables
@@ -86,20 +86,21 @@ def _data_blocks() -> set:
 
 def _bound_group(normal_map, interpolation, convention, distribution, uv_map, extension):
     image = normal_map_image(normal_map)
-    _refuse_unusable(image, convention)
+    states = ImageStates()
+    _refuse_unusable(image, convention, states)
     group = group_for(MapBinding(image, interpolation, convention, distribution, uv_map, extension))
     # A group that was there may read a copy of what the image held before.
-    follow_map(group)
+    follow_map(group, states)
     remove_unused_copies()
     return group
 
 
-def _refuse_unusable(image, convention):
+def _refuse_unusable(image, convention, states):
     """Refuse a map that the bake would refuse, before anything is made; it is decoded only to be baked."""
     from ..bake.normal_map import check_convention, check_normals
 
     check_convention(convention)
-    data = data_image(image)
+    data = data_image(image, states=states)
     if not _was_baked(data):
         check_normals(image_pixels(data), convention=convention, name=image.name)
 

@@ -139,7 +139,7 @@ class MapTables:
 
 def forget_table(group):
     """Let a group be one whose map has no table yet: the next preparation bakes it."""
-    group[properties.TABLE] = ""
+    group[properties.TABLE] = group[properties.SOURCE] = ""
 
 
 def change_paths(group, change):

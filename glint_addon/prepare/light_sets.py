@@ -19,6 +19,7 @@ from ..materials.find import glint_groups
 from ..materials.worn import worn_materials
 from ..nodes import glint_lights
 from ..nodes.glint_bsdf import LIGHTS_NODE, group_binding, is_glint_group, lights_of
+from ..nodes.map_tables import MapTables
 from ..nodes.scene_lights import copy_set, drop_other_sets, has_set
 from ..properties import HOLDER
 from .report import Report
@@ -135,12 +136,12 @@ def _instance(group, lights, taken, foreign):
 
 
 def _reads(group):
-    """How a group reads which map, and the paths of its tables: one that was not prepared has others."""
+    """How a group reads which map, and its tables: one that was not prepared has others."""
     try:
         binding = group_binding(group)
     except GlintError:  # changed by hand so that it cannot be read: it is like no other
         binding = group
-    return binding, {name: value for name, value in group.items() if isinstance(value, str)}
+    return binding, MapTables.of(group)
 
 
 def _foreign_groups(scene, families) -> set:

@@ -54,6 +54,6 @@ def _names(plans) -> str:
 
 
 def mebibytes(count: float) -> str:
-    """Bytes as "12.3 MiB", three digits or whole numbers."""
+    """Bytes as "12.3 MiB": three digits, and all of a whole number that has more."""
     size = count / MIB
-    return f"{size:.3g} MiB" if size < 1000 else f"{size:.0f} MiB"
+    return f"{size:.3g} MiB" if size < 999.5 else f"{size:.0f} MiB"

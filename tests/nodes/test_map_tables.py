@@ -120,7 +120,7 @@ def test_levels_that_no_counts_have_are_not_known(group, levels):
 def test_a_forgotten_table_leaves_the_size(group):
     TABLES.write_to(group)
     forget_table(group)
-    assert MapTables.of(group) == replace(TABLES, path="") and not MapTables.of(group).is_known
+    assert MapTables.of(group) == replace(TABLES, path="", source="") and not MapTables.of(group).is_known
 
 
 def test_paths_are_changed_where_the_preparation_and_the_render_look(group):
