@@ -11,7 +11,7 @@ from ..errors import SceneError
 from ..nodes.driven import Driven, Keyed, Variable, write_number
 from ..nodes.glint_lights import KIND_NONE, KIND_SUN, check_nodes, refresh, set_of
 from ..nodes.scene_lights import AXIS, HINT_COUNT, LIGHT, REACH, SHAPE, SHIFT, lights_entry, own_holder
-from .frames import Frame
+from .driven_matrix import DrivenMatrix
 from .hint import Hint
 from .shutter_nodes import read_ways
 
@@ -66,7 +66,7 @@ def _numbers(scene, hint, ways) -> dict[int, tuple]:
     return {
         LIGHT: _place(hint),
         SHAPE: (*_shape(hint), cone),
-        AXIS: _frame(hint).z_axis() if cone else NO_LIGHT,
+        AXIS: _matrix(hint).z_axis() if cone else NO_LIGHT,
         SHIFT: way.shift if way else NO_LIGHT,
         REACH: way.reach if way else NO_LIGHT,
     }
@@ -82,8 +82,8 @@ def _place(hint):
         places = [pose.place or NO_LIGHT for pose in _poses(hint)]
         return tuple(_over_poses(hint, numbers) for numbers in zip(*places, strict=True))
     if hint.kind == KIND_SUN:
-        return _frame(hint).z_axis()
-    return _frame(hint).point(hint.ball.centre if hint.ball else NO_LIGHT)
+        return _matrix(hint).z_axis()
+    return _matrix(hint).point(hint.ball.centre if hint.ball else NO_LIGHT)
 
 
 def _shape(hint):
@@ -99,17 +99,17 @@ def _shape(hint):
 
 
 def _kind(hint) -> Driven:
-    frame = _frame(hint)
+    matrix = _matrix(hint)
     # What is read by way of an object is 0 once that is deleted.
     shines, variables = "l33 > 0", []
     if hint.ball is None:
-        shines, variables = "energy > 0", [_property("energy", frame.object, "data.energy")]
-    hidden = [_property("hidden", frame.object, "hide_render")]
-    if frame.instancer is not None:
+        shines, variables = "energy > 0", [_property("energy", matrix.object, "data.energy")]
+    hidden = [_property("hidden", matrix.object, "hide_render")]
+    if matrix.instancer is not None:
         shines += " and e33 > 0"
-        hidden.append(_property("emptied", frame.instancer, "hide_render"))
+        hidden.append(_property("emptied", matrix.instancer, "hide_render"))
     shown = "".join(f" and {variable.name} < 1" for variable in hidden)
-    return frame.driven(f"{hint.kind} if {shines}{shown} else {KIND_NONE}", *variables, *hidden)
+    return matrix.driven(f"{hint.kind} if {shines}{shown} else {KIND_NONE}", *variables, *hidden)
 
 
 def _size(hint) -> Driven:
@@ -117,17 +117,17 @@ def _size(hint) -> Driven:
 
     Cycles ignores the object's scale for suns, points and spots.
     """
-    frame = _frame(hint)
+    matrix = _matrix(hint)
     if hint.ball is not None:
-        return frame.driven(f"{hint.ball.radius:.7g}*{frame.largest_scale()}")
-    lamp = frame.object
+        return matrix.driven(f"{hint.ball.radius:.7g}*{matrix.largest_scale()}")
+    lamp = matrix.object
     if lamp.data.type == "SUN":
         return Driven("angle / 2", (_property("angle", lamp, "data.angle"),))
     if lamp.data.type != "AREA":
         return Driven("radius", (_property("radius", lamp, "data.shadow_soft_size"),))
-    expression = AREA_RADIUS[lamp.data.shape].format(x=frame.squared_length(0), y=frame.squared_length(1))
+    expression = AREA_RADIUS[lamp.data.shape].format(x=matrix.squared_length(0), y=matrix.squared_length(1))
     sides = (_property("width", lamp, "data.size"), _property("height", lamp, "data.size_y"))
-    return frame.driven(expression, *(side for side in sides if side.name in expression))
+    return matrix.driven(expression, *(side for side in sides if side.name in expression))
 
 
 def _cone(scene, hint, ways) -> Driven | float:
@@ -145,7 +145,7 @@ def _cone(scene, hint, ways) -> Driven | float:
         return Driven("spread / 2", (_property("spread", light, "data.spread"),))
     if hint.instance and not _is_even(hint.instance.instancer.matrix_world):
         return 0.0
-    own = Frame(light)  # the product of both matrices would not fit the 255 characters of an expression
+    own = DrivenMatrix(light)  # the product of both matrices would not fit the 255 characters of an expression
     x, y, z = (own.squared_length(column) for column in range(3))
     # A tangent is negative at pi / 2, rounded up.
     expression = f"atan(tan(min(angle,3.14)/2)*sqrt(max({x},{y})/max({z},1e-30)))"
@@ -167,8 +167,8 @@ def _may_turn_in_shutter(scene, hint) -> bool:
     return not all(is_fixed(thing, shape=False) for thing in things if thing is not None)
 
 
-def _frame(hint) -> Frame:
-    return Frame(hint.instance.source, hint.instance.instancer) if hint.instance else Frame(hint.object)
+def _matrix(hint) -> DrivenMatrix:
+    return DrivenMatrix(hint.instance.source, hint.instance.instancer) if hint.instance else DrivenMatrix(hint.object)
 
 
 def _poses(hint):

@@ -162,5 +162,5 @@ def _is_soft(hint, matrix, found, boxes) -> bool:
 
 
 def _largest_scale(matrix) -> float:
-    """As the driver has it (`Frame.largest_scale`)."""
+    """As the driver has it (`DrivenMatrix.largest_scale`)."""
     return sqrt(max(matrix.col[axis].to_3d().length_squared for axis in range(3)))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
+from glint_addon.lights.driven_matrix import DrivenMatrix
 from glint_addon.lights.drivers import connect_hints
-from glint_addon.lights.frames import Frame
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_lights import KIND_LOCAL, KIND_SUN
 from glint_addon.nodes.scene_lights import HOLDER
@@ -101,8 +101,8 @@ def test_lights_of_an_instanced_collection_are_followed_with_their_empty(scene):
 def test_the_longest_expressions_fit_a_driver(scene):
     lamp = add_lamp(scene)
     collection = fixture(scene, lamp, offset=(-1.2345678e-5,) * 3)
-    frame = Frame(lamp, add_instance(scene, collection))
-    numbers = [*frame.point((-1.2345678e-5, -9.8765432e-6, -123456.789)), *frame.z_axis()]
+    matrix = DrivenMatrix(lamp, add_instance(scene, collection))
+    numbers = [*matrix.point((-1.2345678e-5, -9.8765432e-6, -123456.789)), *matrix.z_axis()]
     assert max(len(number.expression) for number in numbers) <= LONGEST
 
 

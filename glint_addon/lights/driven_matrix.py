@@ -19,8 +19,8 @@ ELEMENT = re.compile(r"\b([le])(\d)(\d)\b")
 
 
 @dataclass(frozen=True)
-class Frame:
-    """The coordinates of `object`, as they are or as `instancer` shows the collection that holds it."""
+class DrivenMatrix:
+    """The world matrix of `object`, or of the copy of it that `instancer` shows of the collection which holds it."""
 
     object: bpy.types.Object
     instancer: bpy.types.Object | None = None
