@@ -10,11 +10,12 @@ from math import asin, hypot, inf, pi
 
 import numpy as np
 
-from ..animation.curves import is_animated, peak_value
+from ..animation.curves import peak_value
 from ..animation.motion import has_fixed_box, has_rigid_box, is_fixed
 from ..animation.places import Posed, is_still, places
 from ..lights.hint import Hint
 from ..lights.irradiance import irradiance
+from ..lights.kinds import may_change_power
 from ..lights.softness import TOO_SOFT
 from ..nodes.glint_lights import HINT_COUNT, KIND_SUN
 
@@ -182,10 +183,7 @@ def _may_be_brighter(light) -> bool:
     animation = light.animation_data
     if animation is None:
         return False
-    return bool(animation.drivers or animation.nla_tracks) or any(
-        is_animated(light, path) for path in ("color", "exposure", "temperature", "spot_size", "size", "size_y")
-        if hasattr(light, path)
-    )
+    return bool(animation.drivers or animation.nla_tracks) or may_change_power(light)
 
 
 def _box_over(thing, matrices):

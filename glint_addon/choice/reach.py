@@ -12,12 +12,12 @@ from math import inf
 import numpy as np
 from mathutils import Matrix
 
-from ..animation.curves import is_animated, peak_value
+from ..animation.curves import peak_value
 from ..animation.motion import has_rigid_box
 from ..animation.places import Posed, is_still, places
 from ..lights.hint import Hint
 from ..lights.irradiance import irradiances
-from ..lights.size import cross_section
+from ..lights.kinds import kind_of, may_change_cone, may_change_size
 from ..lights.softness import SOFT_HALF_ANGLE
 from ..nodes.glint_lights import KIND_SUN
 from ..nodes.map_tables import MapTables
@@ -31,8 +31,6 @@ REGION = 2.5
 MARGIN = np.radians(3.0)
 # Half vectors turn ever faster as light and view become opposite: from here on all are reached.
 OPPOSITE = np.radians(170.0)
-SIZES = ("angle", "shadow_soft_size", "size", "size_y")  # properties of lights that change how large they are
-CONES = ("spot_size", "spread")  # and of how far round they shine
 DEVIATIONS = 3.0  # standard deviations of a map's slopes that its steepest facets are away from the flat
 FLATTEST = 1e-4  # slope: a map without facets still has rounding
 LEAST_ROUGHNESS = 1e-3  # of a facet: a mirror's glints have no finite noise
@@ -159,8 +157,7 @@ def _lamps(hint, frames) -> np.ndarray | None:
     if lamp is None or lamp.data is None or lamp.type == "MESH" and not has_rigid_box(lamp):
         return None
     matrices = places(lamp, frames)
-    sizes = (name for name in SIZES if hasattr(lamp.data, name))
-    if matrices is None or any(is_animated(lamp.data, name) for name in sizes):
+    if matrices is None or may_change_size(lamp.data):
         return None
     lengths = np.maximum(np.linalg.norm(matrices[:, :3, :3], axis=1), 1e-12)
     if (np.ptp(lengths, axis=0) > LEAST_SCALING * lengths[0]).any():
@@ -219,7 +216,8 @@ def _is_soft(hint, matrix, patches, deviations) -> bool:
     """Whether next to all of a light's noise is on patches that see it as large as lights that are not looked for."""
     if hint.object is None or hint.object.type != "LIGHT" or hint.kind == KIND_SUN:
         return False  # suns are as large everywhere, and of meshes only the bounds are known here
-    radius = np.sqrt(cross_section(Posed(hint.object.data, Matrix(matrix))) / np.pi)
+    section = kind_of(hint.object).cross_section(Posed(hint.object.data, Matrix(matrix)))
+    radius = np.sqrt(section / np.pi)
     is_far = np.linalg.norm(matrix[:3, 3] - patches.centres, axis=1) > radius / np.sin(SOFT_HALF_ANGLE)
     noise = float(np.linalg.norm(deviations))
     return noise > 0.0 and float(np.linalg.norm(deviations[is_far])) <= SMALL_NOISE * noise
@@ -235,7 +233,7 @@ def _patch_powers(hint, matrix, patches, part=0.5) -> np.ndarray:
 def _may_be_lit(hint, matrix, patches) -> np.ndarray:
     """Whether some of each patch (n,) lies where the light can shine; all True if it is dark now or its cone moves."""
     is_lamp = hint.object is not None and hint.object.type == "LIGHT"
-    if is_lamp and not any(is_animated(hint.object.data, name) for name in CONES if hasattr(hint.object.data, name)):
+    if is_lamp and not may_change_cone(hint.object.data):
         lit = _patch_powers(hint, matrix, patches, 1.0) > 0.0
         if lit.any():
             return lit

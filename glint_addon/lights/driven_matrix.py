@@ -56,7 +56,7 @@ class DrivenMatrix:
         things = {"l": self.object, "e": self.instancer}
         found = sorted(set(ELEMENT.findall(expression)))
         # Blender counts columns first.
-        elements = (Variable(f"{name}{row}{column}", "SINGLE_PROP", things[name], f"matrix_world[{column}][{row}]")
+        elements = (object_property(f"{name}{row}{column}", things[name], f"matrix_world[{column}][{row}]")
                     for name, row, column in found)
         return Driven(expression, (*variables, *elements))
 
@@ -64,6 +64,11 @@ class DrivenMatrix:
         if self.instancer is None:
             return f"l{row}{column}"
         return "+".join(f"e{row}{k}*l{k}{column}" for k in ROWS)
+
+
+def object_property(name: str, thing, path: str) -> Variable:
+    """A driver's variable `name` that reads a property of an object, or of its data by way of the object."""
+    return Variable(name, "SINGLE_PROP", thing, path)
 
 
 def _squares(terms) -> str:

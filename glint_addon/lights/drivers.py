@@ -8,25 +8,16 @@ from __future__ import annotations
 
 from ..animation.motion import is_fixed
 from ..errors import SceneError
-from ..nodes.driven import Driven, Keyed, Variable, write_number
+from ..nodes.driven import Driven, Keyed, write_number
 from ..nodes.glint_lights import KIND_NONE, KIND_SUN, check_nodes, refresh, set_of
 from ..nodes.scene_lights import AXIS, HINT_COUNT, LIGHT, REACH, SHAPE, SHIFT, lights_entry, own_holder
-from .driven_matrix import DrivenMatrix
+from .driven_matrix import DrivenMatrix, object_property
 from .hint import Hint
+from .kinds import kind_of
 from .shutter_nodes import read_ways
 
 NO_LIGHT = (0.0, 0.0, 0.0)
 EVEN = 1.01  # scales that differ less hardly change a cone
-
-# Half the diagonal of a rectangle, half the longest axis of an ellipse, from the squared lengths of the axes. Cycles
-# scales both by the lengths of the object's world axes (`AreaLight::copy_to_kernel`); under shear the diagonal is
-# longer, by a factor of sqrt(2) at most.
-AREA_RADIUS = {
-    "SQUARE": "0.5*width*sqrt({x}+{y})",
-    "RECTANGLE": "0.5*sqrt(width*width*({x})+height*height*({y}))",
-    "DISK": "0.5*width*sqrt(max({x},{y}))",
-    "ELLIPSE": "0.5*sqrt(max(width*width*({x}),height*height*({y})))",
-}
 
 
 def connect_hints(group, scene, hints: list[Hint], ways: dict | None = None) -> None:
@@ -103,53 +94,36 @@ def _kind(hint) -> Driven:
     # What is read by way of an object is 0 once that is deleted.
     shines, variables = "l33 > 0", []
     if hint.ball is None:
-        shines, variables = "energy > 0", [_property("energy", matrix.object, "data.energy")]
-    hidden = [_property("hidden", matrix.object, "hide_render")]
+        shines, variables = "energy > 0", [object_property("energy", matrix.object, "data.energy")]
+    hidden = [object_property("hidden", matrix.object, "hide_render")]
     if matrix.instancer is not None:
         shines += " and e33 > 0"
-        hidden.append(_property("emptied", matrix.instancer, "hide_render"))
+        hidden.append(object_property("emptied", matrix.instancer, "hide_render"))
     shown = "".join(f" and {variable.name} < 1" for variable in hidden)
     return matrix.driven(f"{hint.kind} if {shines}{shown} else {KIND_NONE}", *variables, *hidden)
 
 
 def _size(hint) -> Driven:
-    """Half-angle of a sun, bounding radius of any other light as Cycles shows it.
-
-    Cycles ignores the object's scale for suns, points and spots.
-    """
+    """Half-angle of a sun, bounding radius of any other light as Cycles shows it."""
     matrix = _matrix(hint)
     if hint.ball is not None:
         return matrix.driven(f"{hint.ball.radius:.7g}*{matrix.largest_scale()}")
-    lamp = matrix.object
-    if lamp.data.type == "SUN":
-        return Driven("angle / 2", (_property("angle", lamp, "data.angle"),))
-    if lamp.data.type != "AREA":
-        return Driven("radius", (_property("radius", lamp, "data.shadow_soft_size"),))
-    expression = AREA_RADIUS[lamp.data.shape].format(x=matrix.squared_length(0), y=matrix.squared_length(1))
-    sides = (_property("width", lamp, "data.size"), _property("height", lamp, "data.size_y"))
-    return matrix.driven(expression, *(side for side in sides if side.name in expression))
+    return kind_of(matrix.object).driven_size(matrix)
 
 
 def _cone(scene, hint, ways) -> Driven | float:
     """Half-angle of the cone in which the light shines, around its -Z; 0.0 where it shines all around, or no driver can
-    tell: a light looked for in vain costs time, never a wrong picture.
-
-    Cycles cuts the spread of area lights at the same angle all round; an object's scale stretches the cones of spots.
-    """
+    tell: a light looked for in vain costs time, never a wrong picture."""
     light = hint.source
-    if light is None or light.type != "LIGHT" or light.data.type not in {"AREA", "SPOT"} or _poses(hint):
+    if light is None or light.type != "LIGHT" or _poses(hint):
         return 0.0
-    if hint in ways or _may_turn_in_shutter(scene, hint):
+    kind = kind_of(light)
+    cone = kind.driven_cone(light)
+    if cone is None or hint in ways or _may_turn_in_shutter(scene, hint):
         return 0.0
-    if light.data.type == "AREA":
-        return Driven("spread / 2", (_property("spread", light, "data.spread"),))
-    if hint.instance and not _is_even(hint.instance.instancer.matrix_world):
+    if kind.scales_cone and hint.instance and not _is_even(hint.instance.instancer.matrix_world):
         return 0.0
-    own = DrivenMatrix(light)  # the product of both matrices would not fit the 255 characters of an expression
-    x, y, z = (own.squared_length(column) for column in range(3))
-    # A tangent is negative at pi / 2, rounded up.
-    expression = f"atan(tan(min(angle,3.14)/2)*sqrt(max({x},{y})/max({z},1e-30)))"
-    return own.driven(expression, _property("angle", light, "data.spot_size"))
+    return cone
 
 
 def _is_even(matrix) -> bool:
@@ -180,8 +154,3 @@ def _over_poses(hint, numbers):
     if len(set(numbers)) == 1:
         return numbers[0]
     return Keyed(tuple(pose.frame for pose in _poses(hint)), tuple(numbers))
-
-
-def _property(name, thing, path):
-    """A property of an object or its light, by way of the object."""
-    return Variable(name, "SINGLE_PROP", thing, path)

@@ -8,8 +8,8 @@ from ..nodes.glint_lights import KIND_LOCAL, KIND_SUN
 from .emission import lamp_factor
 from .hint import Hint
 from .irradiance import irradiance, tint
+from .kinds import kind_of
 from .receivers import lit_objects, world_bounds
-from .size import cross_section, light_size
 from .softness import SOFT_HALF_ANGLE, TOO_SOFT, least_half_angle
 
 MISSES = "shines past every object with glints, which are outside its cone or behind it"
@@ -54,23 +54,20 @@ def reason_here(lamp, in_rendered_collection: bool, lights_receivers: bool) -> s
 def reason_to_skip(lamp) -> str:
     """Why a light object needs no hint wherever it is, in words, or an empty string."""
     light = lamp.data
-    half_angle = light.angle / 2 if light.type == "SUN" else 0.0
     checks = (
         (light.energy <= 0 and not _may_shine_later(light), "its energy is zero or negative"),
         (max(tint(light)) <= 0 and not is_animated(light, "color"), "its colour is black"),
         (max(lamp_factor(light)) <= 0 and not _has_moving_nodes(light), "its nodes send out no light"),
         (not lamp.visible_glossy, "not visible to glossy rays"),
-        (light.type == "AREA" and light.cycles.is_portal, "a portal, which sends out no light of its own"),
-        (half_angle > SOFT_HALF_ANGLE and not is_animated(light, "angle"), TOO_SOFT),
     )
-    return next((reason for applies, reason in checks if applies), "")
+    return next((reason for applies, reason in checks if applies), "") or kind_of(lamp).reason_to_skip(light)
 
 
 def lamp_hint(name, lamp, boxes, **where) -> Hint:
     """The hint of light object `lamp`, or of anything with its data and matrix_world; where: its object or instance."""
-    kind = KIND_SUN if lamp.data.type == "SUN" else KIND_LOCAL
+    kind = kind_of(lamp)
     power = irradiance(lamp, *boxes, peak_value(lamp.data, "energy"))
-    return Hint(name, kind, power, light_size(lamp), **where)
+    return Hint(name, KIND_SUN if kind.is_distant else KIND_LOCAL, power, kind.size(lamp), **where)
 
 
 def _has_moving_nodes(light) -> bool:
@@ -88,9 +85,10 @@ def _has_only_keys(light) -> bool:
 
 
 def _is_soft(lamp, boxes) -> bool:
-    if lamp.data.type == "SUN":
-        return False  # judged above, moving or not
-    return least_half_angle(lamp.matrix_world.translation, cross_section(lamp), *boxes) > SOFT_HALF_ANGLE
+    kind = kind_of(lamp)
+    if kind.is_distant:
+        return False  # `reason_to_skip` judges them, moving or not
+    return least_half_angle(lamp.matrix_world.translation, kind.cross_section(lamp), *boxes) > SOFT_HALF_ANGLE
 
 
 def _instances_children(parent) -> bool:

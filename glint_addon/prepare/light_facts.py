@@ -11,11 +11,11 @@ from ..lights.emitters import reason_to_skip as reason_to_skip_mesh
 from ..lights.emitters import shines
 from ..lights.hints import rendered_objects
 from ..lights.instances import rendered_members
+from ..lights.kinds import kind_of
 from ..lights.lamps import reason_here, reason_to_skip
 from ..nodes.scene_lights import followed_objects
 from .uses import render_layers
 
-KINDS = {"SUN": "a sun", "POINT": "a point light", "SPOT": "a spot", "AREA": "an area light"}
 NODE_SETTINGS = {"location", "location_absolute", "width", "height", "select", "show_options", "show_preview", "hide",
                  "label", "name", "color", "use_custom_color", "parent", "dimensions", "is_active_output"}
 
@@ -27,7 +27,7 @@ def light_facts(scene) -> dict[str, list[str]]:
     for thing in scene.objects:
         if thing.type == "LIGHT":
             reason = reason_here(thing, thing in rendered, True) or reason_to_skip(thing)
-            found[f'Light "{thing.name_full}"'] = [KINDS[thing.data.type], reason, _linking(thing)]
+            found[f'Light "{thing.name_full}"'] = [kind_of(thing).words, reason, _linking(thing)]
         elif shines(thing, layers, radiances):
             reason = reason_here_mesh(thing, thing in rendered, True) or reason_to_skip_mesh(thing)
             found[f'Emissive object "{thing.name_full}"'] = ["an emissive object", reason, _linking(thing)]
@@ -35,7 +35,7 @@ def light_facts(scene) -> dict[str, list[str]]:
             inner = [each for each in rendered_members(thing.instance_collection)
                      if each.type == "LIGHT" or shines(each, layers, radiances)]
             for each in inner:
-                kind = KINDS[each.data.type] if each.type == "LIGHT" else "an emissive object"
+                kind = kind_of(each).words if each.type == "LIGHT" else "an emissive object"
                 found[f'Light "{each.name_full}" in "{thing.name_full}"'] = [kind, "", _linking(each)]
     for world in dict.fromkeys(layer.world_override or scene.world for layer in layers):
         if world is not None:

@@ -14,8 +14,8 @@ from mathutils import Vector
 from glint_addon.errors import SceneError
 from glint_addon.lights.drivers import connect_hints
 from glint_addon.lights.hint import Hint
+from glint_addon.lights.kinds import light_size
 from glint_addon.lights.shutter import shutter_ways
-from glint_addon.lights.size import light_size
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_lights import HINT_COUNT, KIND_LOCAL, KIND_SUN
 from glint_addon.nodes.scene_lights import HOLDER, PARTS
