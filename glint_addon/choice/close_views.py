@@ -25,8 +25,8 @@ CLOSE_UP = "its glints are so close, about a texel a sample, that Blender's own 
 def is_close_up(scene, views, family) -> bool:
     """Whether footprints on all that shows a family's maps hold FEWEST_TEXELS or less, at any frame and to any camera.
 
-    views: `views.scene_views`; family: `material_lights.Family`. False where it cannot be told, and for Linear maps,
-    whose slopes differ within a texel. Matrices must be current.
+    views: what `scene_views` found; family: `material_lights.Family`. False where it cannot be told, and for Linear
+    maps, whose slopes differ within a texel. Matrices must be current.
     """
     if views is None or views.has_mirrors or not family.nodes:
         return False
@@ -52,9 +52,9 @@ def _texels_a_footprint(scene, views, thing, materials, groups) -> float:
         return inf
     pixels_a_footprint = pi * (FOOTPRINT_SCALE * SAMPLES**-FOOTPRINT_EXPONENT) ** 2
     largest = 0.0
-    for eyes in views.eyes:
-        for eye, (patches, _) in zip(eyes, surface, strict=True):
-            pixels, is_in_frame = pixels_filled(eye, patches)
+    for camera in views.cameras:
+        for view, (patches, _) in zip(camera, surface, strict=True):
+            pixels, is_in_frame = pixels_filled(view, patches)
             texels = max(densities) * patches.areas[is_in_frame].sum()
             if texels > 0.0:
                 largest = max(largest, texels / max(pixels[is_in_frame].sum(), 1e-30) * pixels_a_footprint)

@@ -13,7 +13,7 @@ from ..animation.frames import chosen_frames
 from ..lights.receivers import lit_objects
 from ..nodes.glint_bsdf import is_glint_group, lights_of, map_of
 from ..nodes.glint_lights import set_of
-from ..seen.views import scene_views
+from ..seen.scene_views import scene_views
 from .close_views import CLOSE_UP, is_close_up
 from .ranking import Choice, boxes_over, choose, noise_in_remainder
 from .reach import facets_of, judgements

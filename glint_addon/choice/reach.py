@@ -22,8 +22,8 @@ from ..lights.softness import SOFT_HALF_ANGLE
 from ..nodes.glint_lights import KIND_SUN
 from ..nodes.map_tables import MapTables
 from ..seen.coordinates import evaluated_mesh
+from ..seen.scene_views import SceneViews
 from ..seen.surface import Patches, pixels_filled, surface_patches
-from ..seen.views import Views
 
 # Half-width of the selected region in alpha: REGION in osl/light_hint.h.
 REGION = 2.5
@@ -68,7 +68,7 @@ class Judgement:
     is_soft: bool
 
 
-def judgements(scene, views: Views | None, objects, facets: Facets | None, hints) -> dict[Hint, Judgement] | None:
+def judgements(scene, views: SceneViews | None, objects, facets: Facets | None, hints) -> dict[Hint, Judgement] | None:
     """What `facets` on the objects show of each of the hints, the largest of all objects; None if it cannot be told.
 
     Matrices must be current.
@@ -96,7 +96,7 @@ def _facets(node) -> Facets | None:
     return Facets(max(slope, FLATTEST), max(min(roughness.default_value, 1.0), LEAST_ROUGHNESS) ** 2)
 
 
-def patches_over(scene, thing, views: Views) -> list[tuple[Patches, float]] | None:
+def patches_over(scene, thing, views: SceneViews) -> list[tuple[Patches, float]] | None:
     """The patches of an object at each frame of `views`, with its largest ratio of scales; None if its shape or place
     may be any. Found once."""
     if thing not in views.surfaces:
@@ -129,15 +129,15 @@ def _judgement(hint, views, moved, facets) -> Judgement:
     nothing_moves = is_still(lamps) and all(patches is moved[0][0] for patches, _ in moved)
     # What lies behind a lamp or outside its cone, always, shows no glint of it, wherever that is mirrored.
     lit = _may_be_lit(hint, lamps[0], moved[0][0]) if nothing_moves else slice(None)
-    for eyes in views.eyes:
-        still = nothing_moves and all((eye.inverse == eyes[0].inverse).all() for eye in eyes)
-        rows = zip(eyes[:1] if still else eyes, lamps, moved, strict=False)
+    for camera in views.cameras:
+        still = nothing_moves and all((view.inverse == camera[0].inverse).all() for view in camera)
+        rows = zip(camera[:1] if still else camera, lamps, moved, strict=False)
         gaps = []
-        for eye, matrix, (patches, stretch) in rows:
-            met = _met(hint, matrix, eye, views.lens, patches)
+        for view, matrix, (patches, stretch) in rows:
+            met = _met(hint, matrix, view, patches)
             gap = met.angle - np.arctan(stretch * facets.slope) - REGION * facets.alpha - met.blur - MARGIN
             gaps.append(gap[lit])
-            deviations = _noise(hint, matrix, eye, patches, met, facets)
+            deviations = _noise(hint, matrix, view, patches, met, facets)
             is_soft = is_soft and _is_soft(hint, matrix, patches, deviations)
             noise = max(noise, float(np.linalg.norm(deviations)))
         # Between two frames the gap may fall as much as it changed from one to the other.
@@ -180,24 +180,24 @@ class Met:
     light_cosine: np.ndarray
 
 
-def _met(hint, matrix, eye, lens, patches) -> Met:
+def _met(hint, matrix, view, patches) -> Met:
     light, light_spread, half_angle = _directions(matrix, hint, patches)
-    view, view_spread = _views(eye, lens, patches)
-    between = np.arccos(np.clip((light * view).sum(axis=1), -1.0, 1.0)) + light_spread + view_spread
-    half_vector = light + view
+    sight, sight_spread = _sights(view, patches)
+    between = np.arccos(np.clip((light * sight).sum(axis=1), -1.0, 1.0)) + light_spread + sight_spread
+    half_vector = light + sight
     half_vector /= np.maximum(np.linalg.norm(half_vector, axis=1, keepdims=True), 1e-12)
 
     # A surface is seen from behind with its normal turned over. Half vectors turn by half the angle between lights,
     # across the plane of incidence by 1 / (2 cos) of it.
     cosine = np.abs((half_vector * patches.normals).sum(axis=1))
     growth = 0.5 / np.cos(np.minimum(between, OPPOSITE) / 2)
-    angle = np.arccos(np.clip(cosine, 0.0, 1.0)) - patches.spreads - growth * (light_spread + view_spread)
+    angle = np.arccos(np.clip(cosine, 0.0, 1.0)) - patches.spreads - growth * (light_spread + sight_spread)
     angle = np.where((between < OPPOSITE) & np.isfinite(angle), angle, 0.0)
-    sides = np.sign((view * patches.normals).sum(axis=1))[:, None] * patches.normals
+    sides = np.sign((sight * patches.normals).sum(axis=1))[:, None] * patches.normals
     return Met(np.maximum(angle, 0.0), growth * half_angle, (light * sides).sum(axis=1))
 
 
-def _noise(hint, matrix, eye, patches, met, facets) -> np.ndarray:
+def _noise(hint, matrix, view, patches, met, facets) -> np.ndarray:
     """Standard deviations (n,), up to a common factor, that glints which are met by chance on each patch add to that of
     the picture of an object."""
     # One facet sends E / (solid angle of lobe and light); the chance to meet it is the density of facets at the half
@@ -207,7 +207,7 @@ def _noise(hint, matrix, eye, patches, met, facets) -> np.ndarray:
     power = hint.power if hint.object is None or hint.object.type != "LIGHT" else _patch_powers(hint, matrix, patches)
     variance = density * (power / np.hypot(facets.alpha, met.blur)) ** 2 * (met.light_cosine > -np.sin(patches.spreads))
 
-    pixels, is_in_frame = pixels_filled(eye, patches)
+    pixels, is_in_frame = pixels_filled(view, patches)
     pixels = pixels * is_in_frame if (pixels * is_in_frame).any() else pixels
     return np.sqrt(variance * pixels / max(pixels.sum(), 1e-30))
 
@@ -251,14 +251,14 @@ def _directions(matrix, hint, patches):
     return offset / np.maximum(distance, 1e-12)[:, None], _cone(patches.radii, distance), _cone(hint.size, nearest)
 
 
-def _views(eye, lens, patches):
-    """Unit vectors to a camera (n, 3), how far they differ on a patch (n,) [rad]."""
-    to_world = np.linalg.inv(eye.inverse)
-    if not eye.is_perspective:
+def _sights(view, patches):
+    """Unit vectors to a camera (n, 3), how far they differ on a patch (n,) and over the lens [rad]."""
+    to_world = np.linalg.inv(view.inverse)
+    if not view.is_perspective:
         return np.tile(to_world[:3, 2], (len(patches.centres), 1)), np.zeros(len(patches.centres))
     offset = to_world[:3, 3] - patches.centres
     distance = np.linalg.norm(offset, axis=1)
-    return offset / np.maximum(distance, 1e-12)[:, None], _cone(patches.radii + lens, distance)
+    return offset / np.maximum(distance, 1e-12)[:, None], _cone(patches.radii + view.aperture, distance)
 
 
 def _cone(radius, distance):

@@ -14,8 +14,9 @@ from ..animation.motion import copies_others, has_rigid_box
 from ..animation.poses import poses
 from ..bake.counts import counts_levels
 from ..materials.worn import worn_materials
+from .boxes import depth_range, is_inside
+from .cameras import all_camera_views
 from .coordinates import evaluated_mesh, face_planes, texel_densities, uv_transforms, vertices
-from .eyes import depth_range, is_inside, scene_eyes
 
 # Radius in pixels of the footprint of one of `samples` samples: osl/footprint.h.
 FOOTPRINT_SCALE = 1.1
@@ -53,8 +54,8 @@ def footprint_range(scene, group, uses, size, *, mirrored=False) -> tuple[float,
     seen. Matrices must be current. Source of the footprint: osl/footprint.h.
     """
     frames = scene_frames(scene, FRAMES)
-    eyes = scene_eyes(scene, frames)
-    if not eyes or any(copies_others(thing) for thing in scene.objects):
+    cameras = all_camera_views(scene, frames)
+    if not cameras or any(copies_others(thing) for thing in scene.objects):
         return EVERYTHING
     ranges = []
     for thing, material in dict.fromkeys(uses):
@@ -63,15 +64,15 @@ def footprint_range(scene, group, uses, size, *, mirrored=False) -> tuple[float,
         matrices = poses(thing, frames)
         if places is None or mesh is None or matrices is None or not _is_rigid(matrices):
             return EVERYTHING
-        views = _distinct_views(eyes, matrices)
-        from_within = any(is_inside(eye, thing, matrix) for eye, matrix in views)
+        seen = _distinct_pairs(cameras, matrices)
+        from_within = any(is_inside(view, thing, matrix) for view, matrix in seen)
         seen_in_mirrors = mirrored or _is_mirrored(scene, thing, mesh, from_within)
         for uv_map, transform in places:
             texels = np.diag(np.asarray(size, float)) @ transform
             density = texel_densities(mesh, matrices[0, :3, :3], uv_map, texels)
             if density is None:
                 return EVERYTHING
-            ranges += [_seen(eye, thing, matrix, density, seen_in_mirrors) for eye, matrix in views]
+            ranges += [_range_seen(view, thing, matrix, density, seen_in_mirrors) for view, matrix in seen]
     radius = FOOTPRINT_SCALE * max(scene.cycles.samples, 1) ** -FOOTPRINT_EXPONENT
     smallest, largest = NOTHING if not ranges else (min(low for low, _ in ranges), max(high for _, high in ranges))
     return float(smallest * radius / MARGIN), float(largest * radius * MARGIN)
@@ -110,23 +111,23 @@ def _is_rigid(matrices) -> bool:
     return bool(scales.min() > 0.0 and (np.ptp(scales, axis=0) <= LEAST_SCALING * scales[0]).all())
 
 
-def _distinct_views(eyes, matrices) -> list[tuple]:
-    """Eye and object's matrix of each camera at each frame; a frame like the first counts once."""
-    views = []
-    for row in eyes:
-        pairs = list(zip(row, matrices, strict=True))
-        views += {(eye.inverse.tobytes(), matrix.tobytes()): (eye, matrix) for eye, matrix in pairs}.values()
-    return views
+def _distinct_pairs(cameras, matrices) -> list[tuple]:
+    """What each camera sees at each frame, and the object's matrix then; a frame like an earlier one counts once."""
+    found = []
+    for views in cameras:
+        pairs = list(zip(views, matrices, strict=True))
+        found += {(view.inverse.tobytes(), matrix.tobytes()): (view, matrix) for view, matrix in pairs}.values()
+    return found
 
 
-def _seen(eye, thing, matrix, density, seen_in_mirrors) -> tuple[float, float]:
-    """Smallest and largest footprint, in texels a pixel radius, that an eye sees of an object; NOTHING if none."""
-    depths = depth_range(eye, thing, matrix, seen_in_mirrors)
+def _range_seen(view, thing, matrix, density, seen_in_mirrors) -> tuple[float, float]:
+    """Smallest and largest footprint, in texels a pixel radius, that a camera sees of an object; NOTHING if none."""
+    depths = depth_range(view, thing, matrix, seen_in_mirrors)
     if depths is None:
         return NOTHING
-    if not eye.is_perspective:
-        return density[0] * eye.pixel, np.inf if seen_in_mirrors else density[1] * eye.pixel
-    return density[0] * eye.pixel * depths[0] * eye.cosine, density[1] * eye.pixel * depths[1]
+    if not view.is_perspective:
+        return density[0] * view.pixel, np.inf if seen_in_mirrors else density[1] * view.pixel
+    return density[0] * view.pixel * depths[0] * view.least_cosine, density[1] * view.pixel * depths[1]
 
 
 def _is_mirrored(scene, thing, mesh, from_within: bool) -> bool:

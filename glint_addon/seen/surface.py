@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .cameras import CameraView
+
 SIDES = 12  # patches along the longest side of the mesh
 FEWEST = 512  # triangles; fewer are cut, so that a floor of one face has patches too
 MOST_CUTS = 6  # of a triangle, each into four; 4096 pieces are more than there are patches
@@ -65,13 +67,13 @@ def surface_patches(mesh, matrix) -> Patches:
     return Patches(centres, areas, radii, axes, np.arccos(np.clip(cosines, -1.0, 1.0)), is_closed(mesh))
 
 
-def pixels_filled(eye, patches: Patches) -> tuple[np.ndarray, np.ndarray]:
-    """About how many pixels of an `eyes.Eye` each patch (n,) fills, if nothing hides it; whether it is in the frame."""
-    places = patches.centres @ eye.inverse[:3, :3].T + eye.inverse[:3, 3]
-    normals = patches.normals @ eye.inverse[:3, :3].T
-    depth = -places[:, 2:] if eye.is_perspective else np.ones((len(places), 1))
-    is_in_frame = ((places[:, :2] >= eye.low * depth) & (places[:, :2] <= eye.high * depth)).all(axis=1)
-    if eye.is_perspective:
+def pixels_filled(view: CameraView, patches: Patches) -> tuple[np.ndarray, np.ndarray]:
+    """About how many pixels of a camera each patch (n,) fills, if nothing hides it; whether it is in the frame."""
+    places = patches.centres @ view.inverse[:3, :3].T + view.inverse[:3, 3]
+    normals = patches.normals @ view.inverse[:3, :3].T
+    depth = -places[:, 2:] if view.is_perspective else np.ones((len(places), 1))
+    is_in_frame = ((places[:, :2] >= view.low * depth) & (places[:, :2] <= view.high * depth)).all(axis=1)
+    if view.is_perspective:
         distance = np.maximum(np.linalg.norm(places, axis=1), 1e-12)
         shown = -(places * normals).sum(axis=1) / distance**3
     else:
@@ -79,7 +81,7 @@ def pixels_filled(eye, patches: Patches) -> tuple[np.ndarray, np.ndarray]:
     reach = patches.radii[:, None]
     is_within = ((places - reach).min(axis=0) < 0.0).all() and ((places + reach).max(axis=0) > 0.0).all()
     shown = np.maximum(shown, 0.0) if patches.are_closed and not is_within else np.abs(shown)
-    return patches.areas * shown / eye.pixel**2, is_in_frame & (places[:, 2] < 0.0)
+    return patches.areas * shown / view.pixel**2, is_in_frame & (places[:, 2] < 0.0)
 
 
 def is_closed(mesh) -> bool:

@@ -10,7 +10,7 @@ from demo_scenes import stage
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.choice.close_views import CLOSE_UP, FEWEST_TEXELS
 from glint_addon.lights.softness import SOFT_HALF_ANGLE, TOO_SOFT
-from glint_addon.seen.eyes import scene_eyes
+from glint_addon.seen.cameras import all_camera_views
 from glint_addon.seen.surface import is_closed, pixels_filled, surface_patches
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
@@ -145,14 +145,14 @@ def test_the_pixels_that_patches_fill_are_those_of_a_picture(scene, width):
     scene.render.film_transparent = True
     cycles.add_camera(scene, (0, 0, 6), width=width, angle=0.5)
     bpy.context.view_layer.update()
-    eye = scene_eyes(scene, [1])[0][0]
+    view = all_camera_views(scene, [1])[0][0]
     for thing in (cycles.add_sphere(scene), cycles.add_plane(scene, 1.5)):
         thing.rotation_euler = (0.0, 0.9, 0.3)
         bpy.context.view_layer.update()
-        pixels, is_in_frame = pixels_filled(eye, surface_patches(thing.data, np.array(thing.matrix_world)))
+        pixels, is_in_frame = pixels_filled(view, surface_patches(thing.data, np.array(thing.matrix_world)))
         covered = cycles.rendered(scene)[..., 3].sum()
         assert is_in_frame.all() and pixels.sum() == pytest.approx(covered, rel=0.06)
         thing.hide_render = True
     ball = cycles.add_sphere(scene, 10.0)
-    pixels, is_in_frame = pixels_filled(eye, surface_patches(ball.data, np.array(ball.matrix_world)))
+    pixels, is_in_frame = pixels_filled(view, surface_patches(ball.data, np.array(ball.matrix_world)))
     assert (pixels[is_in_frame] > 0.0).all() and is_in_frame.any()

@@ -13,7 +13,7 @@ from glint_addon.choice.reach import REGION, Facets, judgements
 from glint_addon.lights.hint import Hint
 from glint_addon.nodes import glint_bsdf, glint_lights
 from glint_addon.nodes.scene_lights import HOLDER
-from glint_addon.seen.views import scene_views
+from glint_addon.seen.scene_views import scene_views
 from tests.helpers import cycles
 from tests.helpers.extension import data_names, write_flake_map
 from tests.helpers.scene_hints import all_candidates

@@ -11,8 +11,7 @@ from ..animation.frames import chosen_frames
 from ..animation.motion import copies_others
 from ..materials.worn import worn_materials
 from ..nodes.glint_bsdf import is_glint_group
-from .eyes import Eye, scene_eyes
-from .visibility import scene_cameras
+from .cameras import CameraView, all_camera_views
 
 # Rougher surfaces (alpha from 0.25) blur what they mirror so much that it needs no hints.
 ROUGH = 0.5
@@ -24,28 +23,25 @@ NO_MIRRORS = {
 
 
 @dataclass(frozen=True)
-class Views:
-    """The cameras of a scene: their eyes at each of the frames, and the radius of the largest lens [m]; has_mirrors:
-    whether facets may be seen from elsewhere as well."""
+class SceneViews:
+    """What the cameras of a scene see over an animation. cameras: a row for each, with what it sees at each of the
+    `frames`; has_mirrors: whether facets may be seen from elsewhere as well; surfaces: what `choice.patches` found of
+    objects at these frames, kept for the next material."""
 
     frames: np.ndarray
-    eyes: list[list[Eye]]
-    lens: float
+    cameras: list[list[CameraView]]
     has_mirrors: bool
     surfaces: dict = field(default_factory=dict)
 
 
-def scene_views(scene) -> Views | None:
-    """What the cameras of a scene see by, None if that cannot be told, if there are copies of objects, or if diffuse
+def scene_views(scene) -> SceneViews | None:
+    """What the cameras of a scene see, None if that cannot be told, if there are copies of objects, or if diffuse
     surfaces show glints, which see all around them."""
     frames = chosen_frames(scene)
-    eyes = scene_eyes(scene, frames)
-    if not eyes or _shows_caustics(scene) or any(copies_others(thing) for thing in scene.objects):
+    cameras = all_camera_views(scene, frames)
+    if not cameras or _shows_caustics(scene) or any(copies_others(thing) for thing in scene.objects):
         return None
-    lenses = [camera.data for camera in scene_cameras(scene) if camera.data.dof.use_dof]
-    radius = max((lens.lens * 1e-3 / (2 * lens.dof.aperture_fstop) * max(1.0, 1.0 / lens.dof.aperture_ratio)
-                  for lens in lenses), default=0.0)
-    return Views(frames, eyes, radius, _has_mirrors(scene))
+    return SceneViews(frames, cameras, _has_mirrors(scene))
 
 
 def _shows_caustics(scene) -> bool:
