@@ -13,10 +13,10 @@ from ..animation.frames import scene_frames
 from ..animation.motion import copies_others, has_rigid_box
 from ..animation.poses import poses
 from ..bake.counts import counts_levels
-from ..materials.worn import worn_materials
 from .boxes import depth_range, is_inside
 from .cameras import all_camera_views
 from .coordinates import evaluated_mesh, face_planes, texel_densities, uv_transforms, vertices
+from .mirrors import has_mirrors, renders_mirrors
 
 # Radius in pixels of the footprint of one of `samples` samples: osl/footprint.h.
 FOOTPRINT_SCALE = 1.1
@@ -34,12 +34,6 @@ INDEX_SHORT_AXIS = 3.0
 MARGIN = 2.0
 EVERYTHING = (0.0, np.inf)
 NOTHING = (np.inf, 0.0)
-# Nodes that scatter light so widely, or not at all, that no surface is seen in them.
-NO_MIRRORS = {
-    "ShaderNodeAddShader", "ShaderNodeBackground", "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfTransparent",
-    "ShaderNodeBsdfTranslucent", "ShaderNodeEmission", "ShaderNodeHoldout", "ShaderNodeMixShader",
-    "ShaderNodeOutputMaterial",
-}
 JUDGED_FACES = 256  # of a mesh, to find out whether it can see itself
 FRAMES = 33  # of an animation that are looked at; the margin holds what lies between
 LEAST_SCALING = 1e-3  # relative change of an object's size over an animation that changes its density of texels
@@ -132,24 +126,9 @@ def _range_seen(view, thing, matrix, density, seen_in_mirrors) -> tuple[float, f
 
 def _is_mirrored(scene, thing, mesh, from_within: bool) -> bool:
     """Whether `thing`, whose mesh is `mesh`, may be seen in a mirror, or in itself; `from_within`: also from inside."""
-    cycles = scene.cycles
-    if cycles.max_bounces == 0 or max(cycles.glossy_bounces, cycles.transmission_bounces) == 0:
+    if not renders_mirrors(scene):
         return False
-    if any(layer.material_override is not None for layer in scene.view_layers):
-        return True
-    layers = [layer for layer in scene.view_layers if layer.use]
-    others = {material for other in scene.objects if other != thing for material in worn_materials(other, layers)}
-    return any(_mirrors(material) for material in others) or from_within or _sees_itself(mesh)
-
-
-def _mirrors(material) -> bool:
-    """Whether a surface with `material` may show others."""
-    if material is None or material.node_tree is None:
-        return False
-    return any(
-        node.bl_idname not in NO_MIRRORS and any(output.type == "SHADER" for output in node.outputs)
-        for node in material.node_tree.nodes
-    )
+    return has_mirrors(scene, sharp=False, besides=thing) or from_within or _sees_itself(mesh)
 
 
 def _sees_itself(mesh) -> bool:
