@@ -14,7 +14,7 @@ import numpy as np
 
 from glint_addon import paths
 from glint_addon.materials.find import glint_groups
-from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
+from glint_addon.nodes.map_tables import SCRIPT_NODE
 
 from .passes import rendered_layer
 

@@ -25,7 +25,7 @@ from glint_addon.bake.normal_map import decoded_normals
 from glint_addon.bake.openimageio import oiio
 from glint_addon.bake.table import bake_table
 from glint_addon.materials.find import glint_groups
-from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
+from glint_addon.nodes.map_tables import SCRIPT_NODE
 from glint_addon.nodes.script_node import compile_script_node
 
 from . import query_scene, query_truth

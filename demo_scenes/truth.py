@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import bpy
 
+from glint_addon.nodes.map_choices import CONVENTION, DISTRIBUTION, INTERPOLATION
+
 
 def truth_material(
     name,
     image,
     *,
     roughness=0.1,
-    distribution="BECKMANN",
-    interpolation="LINEAR",
-    convention="OPENGL",
+    distribution=DISTRIBUTION.default,
+    interpolation=INTERPOLATION.default,
+    convention=CONVENTION.default,
     strength=1.0,
     color=(1.0, 1.0, 1.0),
     uv_map="",
 ) -> bpy.types.Material:
     """Image Texture (Non-Color) -> Normal Map (tangent space) -> Glossy BSDF, as Blender's manual tells to do.
 
-    The arguments are those of `glint_addon.create_glint_material`: roughness 0..1 of a facet (alpha is its square),
-    distribution 'BECKMANN' or 'GGX', interpolation 'LINEAR' or 'CLOSEST', convention 'OPENGL' or 'DIRECTX'. `image`
-    must be Non-Color data. Raises ValueError for an image shown as colour, KeyError or TypeError for an unknown choice.
+    The arguments are those of `glint_addon.create_glint_material`: roughness 0..1 of a facet (alpha is its square), and
+    values of the choices of the same names. `image` must be Non-Color data. Raises ValueError for an image shown as
+    colour, KeyError or TypeError for an unknown choice.
     """
     if not image.colorspace_settings.is_data:
         raise ValueError(f'Image "{image.name}" is shown as colour: set its colour space to Non-Color.')
@@ -31,7 +33,7 @@ def truth_material(
 
     texture = tree.nodes.new("ShaderNodeTexImage")
     texture.image = image
-    texture.interpolation = {"LINEAR": "Linear", "CLOSEST": "Closest"}[interpolation]
+    texture.interpolation = INTERPOLATION.value(interpolation).native
     normal_map = tree.nodes.new("ShaderNodeNormalMap")
     normal_map.convention = convention
     normal_map.uv_map = uv_map

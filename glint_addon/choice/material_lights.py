@@ -11,8 +11,9 @@ from math import inf
 
 from ..animation.frames import chosen_frames
 from ..lights.receivers import lit_objects
-from ..nodes.glint_bsdf import is_glint_group, lights_of, map_of
+from ..nodes.glint_bsdf import is_glint_group, lights_of
 from ..nodes.glint_lights import set_of
+from ..nodes.map_binding import map_of
 from ..seen.scene_views import scene_views
 from .close_views import CLOSE_UP, is_close_up
 from .ranking import Choice, boxes_over, choose, noise_in_remainder

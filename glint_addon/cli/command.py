@@ -132,7 +132,7 @@ def material_facts() -> list[dict]:
     """Each glint material of the open file with its maps; a table that is not on disk counts as not baked."""
     from ..bake.float_image import is_whole
     from ..materials.find import glint_groups, is_glint_material
-    from ..nodes.glint_bsdf import map_of
+    from ..nodes.map_binding import map_of
     from ..nodes.map_tables import MapTables
     from ..paths import disk_path
 

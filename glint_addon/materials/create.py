@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from numbers import Real
 
 import bpy
@@ -9,7 +10,20 @@ import bpy
 from ..errors import MapError
 from ..images import ImageStates, data_image, image_pixels, image_stamp, normal_map_image, remove_unused_copies
 from ..nodes.builder import add_node, arrange, version_of
-from ..nodes.glint_bsdf import VERSION, MapBinding, follow_map, group_for, image_read, is_glint_group
+from ..nodes.glint_bsdf import (
+    BSDF,
+    COLOR,
+    NAME,
+    ROUGHNESS,
+    STRENGTH,
+    VECTOR,
+    VERSION,
+    follow_map,
+    group_for,
+    is_glint_group,
+)
+from ..nodes.map_binding import MapBinding, image_read
+from ..nodes.map_choices import CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION
 from ..nodes.map_tables import MapTables
 
 
@@ -17,14 +31,14 @@ def create_glint_material(
     name,
     normal_map,
     *,
-    roughness=0.1,
-    distribution="BECKMANN",
-    interpolation="LINEAR",
-    convention="OPENGL",
-    color=(1.0, 1.0, 1.0),
-    strength=1.0,
+    roughness=ROUGHNESS.default,
+    distribution=DISTRIBUTION.default,
+    interpolation=INTERPOLATION.default,
+    convention=CONVENTION.default,
+    color=COLOR.default[:3],
+    strength=STRENGTH.default,
     uv_map="",
-    extension="REPEAT",
+    extension=EXTENSION.default,
 ) -> bpy.types.Material:
     """A new material whose glints come from `normal_map`, a path or a bpy.types.Image.
 
@@ -36,27 +50,27 @@ def create_glint_material(
     Raises MapError or ShaderError, and then leaves nothing behind. Call `prepare_scene` before rendering.
     """
     _check_values(name, roughness, strength, color, uv_map)
+    reading = MapBinding(None, interpolation, convention, distribution, uv_map, extension)
     before = _data_blocks()
     try:
-        group = _bound_group(normal_map, interpolation, convention, distribution, uv_map, extension)
+        group = _bound_group(normal_map, reading)
         material = bpy.data.materials.new(name)
-        _add_surface(material, group, roughness, color, strength, uv_map)
+        values = {ROUGHNESS.name: roughness, COLOR.name: (*color[:3], 1.0), STRENGTH.name: strength}
+        _add_surface(material, group, values, uv_map)
     except Exception:
         bpy.data.batch_remove(_data_blocks() - before)
         raise
     return material
 
 
-def bound_group(
-    normal_map, *, distribution, interpolation, convention, uv_map, extension="REPEAT"
-) -> bpy.types.ShaderNodeTree:
-    """The Glint BSDF group that reads `normal_map`, a path or an image, in this way; see `create_glint_material`.
+def bound_group(normal_map, reading: MapBinding) -> bpy.types.ShaderNodeTree:
+    """The Glint BSDF group that reads `normal_map`, a path or an image, as `reading` says, whose own image is ignored.
 
     Raises MapError or ShaderError, and then leaves nothing behind.
     """
     before = _data_blocks()
     try:
-        return _bound_group(normal_map, interpolation, convention, distribution, uv_map, extension)
+        return _bound_group(normal_map, reading)
     except Exception:
         bpy.data.batch_remove(_data_blocks() - before)
         raise
@@ -64,15 +78,18 @@ def bound_group(
 
 def _check_values(name, roughness, strength, color, uv_map):
     """Refuse at the door what Blender would refuse half-way, in other words."""
-    for value, what, high in ((roughness, "Roughness", 1.0), (strength, "Strength", 10.0)):
-        if not isinstance(value, Real) or not 0.0 <= value <= high:
-            raise MapError(f"{what} {value} of glint material {name} is out of range: use 0 to {high:g}.")
+    for value, socket in ((roughness, ROUGHNESS), (strength, STRENGTH)):
+        if not isinstance(value, Real) or not socket.low <= value <= socket.high:
+            allowed = f"{socket.low:g} to {socket.high:g}"
+            raise MapError(f"{socket.name} {value} of glint material {name} is out of range: use {allowed}.")
     try:
         channels = [float(channel) for channel in color]
     except (TypeError, ValueError):
         channels = []
-    if len(channels) not in (3, 4) or not all(0.0 <= channel < float("inf") for channel in channels):
-        raise MapError(f"Color {color} of glint material {name} is no color: use three numbers from 0.")
+    if len(channels) not in (3, 4) or not all(COLOR.low <= channel < float("inf") for channel in channels):
+        raise MapError(
+            f"{COLOR.name} {color} of glint material {name} is no color: use three numbers from {COLOR.low:g}."
+        )
     for value, what in ((name, "Name"), (uv_map, "UV map")):
         if not isinstance(value, str):
             raise MapError(f"{what} {value} of glint material {name} is no text: give its name.")
@@ -84,25 +101,24 @@ def _data_blocks() -> set:
     return {block for kind in kinds for block in kind}
 
 
-def _bound_group(normal_map, interpolation, convention, distribution, uv_map, extension):
-    image = normal_map_image(normal_map)
+def _bound_group(normal_map, reading):
+    binding = replace(reading, image=normal_map_image(normal_map))
     states = ImageStates()
-    _refuse_unusable(image, convention, states)
-    group = group_for(MapBinding(image, interpolation, convention, distribution, uv_map, extension))
+    _refuse_unusable(binding, states)
+    group = group_for(binding)
     # A group that was there may read a copy of what the image held before.
     follow_map(group, states)
     remove_unused_copies()
     return group
 
 
-def _refuse_unusable(image, convention, states):
+def _refuse_unusable(binding, states):
     """Refuse a map that the bake would refuse, before anything is made; it is decoded only to be baked."""
-    from ..bake.normal_map import check_convention, check_normals
+    from ..bake.normal_map import check_normals
 
-    check_convention(convention)
-    data = data_image(image, states=states)
+    data = data_image(binding.image, states=states)
     if not _was_baked(data):
-        check_normals(image_pixels(data), convention=convention, name=image.name)
+        check_normals(image_pixels(data), convention=binding.convention, name=binding.image.name)
 
 
 def _was_baked(image) -> bool:
@@ -113,16 +129,16 @@ def _was_baked(image) -> bool:
         and MapTables.of(group).source == stamp for group in bpy.data.node_groups)
 
 
-def _add_surface(material, group, roughness, color, strength, uv_map):
+
+
+def _add_surface(material, group, values, uv_map):
+    """Nodes of a material whose surface is the group with `values` (socket name -> value), placed by `uv_map`."""
     tree = material.node_tree
     tree.nodes.clear()
     coordinates = add_node(tree, "ShaderNodeUVMap", uv_map=uv_map)
-    surface = add_node(
-        tree, "ShaderNodeGroup", "Glint BSDF", node_tree=group,
-        inputs={"Roughness": roughness, "Color": (*color[:3], 1.0), "Strength": strength},
-    )
+    surface = add_node(tree, "ShaderNodeGroup", NAME, node_tree=group, inputs=values)
     surface.width = 200.0
     output = add_node(tree, "ShaderNodeOutputMaterial")
-    tree.links.new(coordinates.outputs["UV"], surface.inputs["Vector"])
-    tree.links.new(surface.outputs["BSDF"], output.inputs["Surface"])
+    tree.links.new(coordinates.outputs["UV"], surface.inputs[VECTOR.name])
+    tree.links.new(surface.outputs[BSDF.name], output.inputs["Surface"])
     arrange(tree)

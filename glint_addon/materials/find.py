@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from ..nodes.glint_bsdf import is_glint_group, map_of
+from ..nodes.glint_bsdf import is_glint_group
+from ..nodes.map_binding import map_of
 
 
 def is_glint_material(material) -> bool:

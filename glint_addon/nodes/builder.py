@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import bpy
 
 from ..errors import SceneError
@@ -9,6 +11,24 @@ from ..properties import STAMP
 
 COLUMN_WIDTH = 220.0  # a little wider than Blender's default node, so that links stay visible
 ROW_HEIGHT = 190.0  # about the height of a Math node
+
+
+@dataclass(frozen=True)
+class Socket:
+    """An input or output of a group, declared once: other modules take its name, default and range from here.
+
+    kind: Blender's type; low, high: of what a user may set (for colours of each channel, which only settings of
+    operators know); help: tooltip, gives the unit; setting_help: tooltip where an operator sets it on a new node.
+    """
+
+    name: str
+    kind: str
+    default: float | tuple[float, ...] | None = None
+    low: float | None = None
+    high: float | None = None
+    subtype: str | None = None
+    help: str = ""
+    setting_help: str = ""
 
 
 def local_group(name: str) -> bpy.types.ShaderNodeTree | None:
@@ -35,26 +55,24 @@ def new_group(name: str, version: int, description: str = "") -> bpy.types.Shade
     return group
 
 
-def add_input(group, name, socket_type, *, default=None, low=None, high=None, subtype=None, help=""):
-    """Add an input socket to the group's interface; `help` is the tooltip and gives the unit."""
-    socket = group.interface.new_socket(name, in_out="INPUT", socket_type=socket_type)
-    if subtype is not None:
-        socket.subtype = subtype
-    if low is not None:
-        socket.min_value = low
-    if high is not None:
-        socket.max_value = high
-    if default is not None:
-        socket.default_value = default
-    socket.description = help
-    return socket
+def add_input(group, socket: Socket):
+    """Add an input to the group's interface."""
+    item = group.interface.new_socket(socket.name, in_out="INPUT", socket_type=socket.kind)
+    # Blender's colours have no range.
+    low, high = (None, None) if socket.kind == "NodeSocketColor" else (socket.low, socket.high)
+    settings = {"subtype": socket.subtype, "min_value": low, "max_value": high, "default_value": socket.default}
+    for name, value in settings.items():
+        if value is not None:
+            setattr(item, name, value)
+    item.description = socket.help
+    return item
 
 
-def add_output(group, name, socket_type, *, help=""):
-    """Add an output socket to the group's interface."""
-    socket = group.interface.new_socket(name, in_out="OUTPUT", socket_type=socket_type)
-    socket.description = help
-    return socket
+def add_output(group, socket: Socket):
+    """Add an output to the group's interface."""
+    item = group.interface.new_socket(socket.name, in_out="OUTPUT", socket_type=socket.kind)
+    item.description = socket.help
+    return item
 
 
 def add_node(group, kind, label="", **settings):

@@ -9,10 +9,22 @@ from __future__ import annotations
 import bpy
 
 from . import builder, glint_lights, script_node
+from .builder import Socket
 
 NAME = "Glint Checker"
 VERSION = 1
 SHADER = "checker.osl"
+
+OUTPUTS = (
+    Socket("Color", "NodeSocketColor", help="Color 1 or Color 2"),
+    Socket("Factor", "NodeSocketFloat", help="Share of Color 1, from 0 to 1"),
+)
+INPUTS = (
+    Socket("Color 1", "NodeSocketColor", default=(0.8, 0.8, 0.8, 1), help="Where sin(x) sin(y) sin(z) < 0"),
+    Socket("Color 2", "NodeSocketColor", default=(0.2, 0.2, 0.2, 1), help="Everywhere else"),
+    Socket("Scale", "NodeSocketFloat", default=5.0, help="Radians a metre; a cell is pi / Scale metres wide"),
+    Socket("Filter", "NodeSocketBool", default=True, help="Mean over what each sample sees (needs OSL)"),
+)
 
 
 def build() -> bpy.types.ShaderNodeTree:
@@ -30,17 +42,10 @@ def build() -> bpy.types.ShaderNodeTree:
 
 
 def _add_sockets(group):
-    builder.add_output(group, "Color", "NodeSocketColor", help="Color 1 or Color 2")
-    builder.add_output(group, "Factor", "NodeSocketFloat", help="Share of Color 1, from 0 to 1")
-    color = "NodeSocketColor"
-    builder.add_input(group, "Color 1", color, default=(0.8, 0.8, 0.8, 1), help="Where sin(x) sin(y) sin(z) < 0")
-    builder.add_input(group, "Color 2", color, default=(0.2, 0.2, 0.2, 1), help="Everywhere else")
-    builder.add_input(
-        group, "Scale", "NodeSocketFloat", default=5.0, help="Radians a metre; a cell is pi / Scale metres wide"
-    )
-    builder.add_input(
-        group, "Filter", "NodeSocketBool", default=True, help="Mean over what each sample sees (needs OSL)"
-    )
+    for socket in OUTPUTS:
+        builder.add_output(group, socket)
+    for socket in INPUTS:
+        builder.add_input(group, socket)
 
 
 def _add_nodes(group):

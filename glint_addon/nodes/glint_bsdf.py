@@ -2,53 +2,31 @@
 
 The map belongs to the group, not to a socket: OSL needs its table's file name as a constant, and node groups have no
 string sockets. So there is one group for each map and way of reading it: "Glint BSDF", "Glint BSDF.001", ...
-
-Blender's own nodes inside the group say which image it reads and how. Nothing repeats that: whoever changes these nodes
-changes what is prepared. An image in a custom property would be lost besides, because each preview of a material takes
-one of its users away.
+Blender's own nodes inside the group say which image it reads and how (`map_binding`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import bpy
 
 from ..errors import MapError, SceneError
-from ..images import data_image, is_data_copy
-from ..properties import (
-    OLD_CONVENTION,
-    OLD_DISTRIBUTION,
-    OLD_EXTENSION,
-    OLD_IMAGE,
-    OLD_INTERPOLATION,
-    OLD_PROPERTIES,
-    OLD_UV_MAP,
-    STAMP,
-)
+from ..images import data_image
+from ..properties import OLD_INTERPOLATION, OLD_PROPERTIES, STAMP
 from . import glint_lights
-from .builder import add_input, add_node, add_output, arrange, local_group, new_group, version_of
+from .builder import Socket, add_input, add_node, add_output, arrange, local_group, new_group, version_of
 from .driven import Driven, Variable, write_number
-from .map_tables import SCRIPT_NODE, forget_table, stored_text
+from .map_binding import ORIGINAL_NODE, MapBinding, is_old, map_of, nodes_binding, write_reading
+from .map_choices import CHOICES, FACETS_NODE, IMAGE_NODE, NORMAL_NODE
+from .map_tables import SCRIPT_NODE, forget_table
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
 VERSION = 10
 LIGHTS_NODE = "Lights"
 CAUSTICS_NODE = "Caustics"
-# Blender's own nodes, which say what the group reads.
-IMAGE_NODE, NORMAL_NODE, FACETS_NODE = "Normal Map Image", "Tangent Space", "Facets"
 UV_NODE = "UV Map"
 MIX_NODE = "OSL or native"
 OWN_NODES = (SCRIPT_NODE, LIGHTS_NODE, CAUSTICS_NODE, UV_NODE, MIX_NODE)
-ORIGINAL_NODE = "Original"  # of an image that is shown as colour elsewhere: the group reads a copy, and this holds it
-DISTRIBUTIONS = ("BECKMANN", "GGX")
-INTERPOLATIONS = ("LINEAR", "CLOSEST")  # in the Image Texture node: Linear, Closest
-CONVENTIONS = ("OPENGL", "DIRECTX")
-EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
-
-# Up to version 9 custom properties said what a group reads.
-VERSION_OF_NODES = 10
 
 # Whether glints are enumerated after diffuse bounces too, in the scene that is being rendered: where Cycles shows what
 # facets throw on their neighbours, and does not blur it by Filter Glossy, which leaves nothing to gain.
@@ -60,38 +38,23 @@ CAUSTICS = Driven(
     ),
 )
 
-
-@dataclass(frozen=True)
-class MapBinding:
-    """A normal map, the user's own image, and how it is read; the values are those of Blender's own nodes."""
-
-    image: bpy.types.Image | None = None
-    interpolation: str = "LINEAR"
-    convention: str = "OPENGL"
-    distribution: str = "BECKMANN"
-    uv_map: str = ""
-    extension: str = "REPEAT"
-
-    def __post_init__(self):
-        for value, allowed, what in (
-            (self.interpolation, INTERPOLATIONS, "Interpolation"),
-            (self.convention, CONVENTIONS, "Convention"),
-            (self.distribution, DISTRIBUTIONS, "Distribution"),
-            (self.extension, EXTENSIONS, "Extension"),
-        ):
-            if value not in allowed:
-                raise MapError(f'{what} "{value}" is unknown: use one of {", ".join(allowed)}.')
-
-
-SOCKETS = (
-    ("Color", "NodeSocketColor", {"default": (1, 1, 1, 1), "help": "Reflectance of a facet"}),
-    ("Roughness", "NodeSocketFloat", {
-        "default": 0.1, "low": 0.0, "high": 1.0, "subtype": "FACTOR",
-        "help": "Roughness of a single facet; its alpha is the square. Smaller: sharper, rarer, brighter glints"}),
-    ("Strength", "NodeSocketFloat", {
-        "default": 1.0, "low": 0.0, "high": 10.0, "help": "Scale of the map's slopes, as in the Normal Map node"}),
-    ("Vector", "NodeSocketVector", {"help": "Texture coordinates; the UV map if nothing is connected"}),
+COLOR = Socket(
+    "Color", "NodeSocketColor", default=(1.0, 1.0, 1.0, 1.0), low=0.0, high=1.0, help="Reflectance of a facet",
+    setting_help="Colour of the reflection",
 )
+ROUGHNESS = Socket(
+    "Roughness", "NodeSocketFloat", default=0.1, low=0.0, high=1.0, subtype="FACTOR",
+    help="Roughness of a single facet; its alpha is the square. Smaller: sharper, rarer, brighter glints",
+    setting_help="Roughness of each facet between the map's texels, as in Glossy BSDF; alpha is its square",
+)
+STRENGTH = Socket(
+    "Strength", "NodeSocketFloat", default=1.0, low=0.0, high=10.0,
+    help="Scale of the map's slopes, as in the Normal Map node",
+    setting_help="How much of the map's tilt is used, as in the Normal Map node",
+)
+VECTOR = Socket("Vector", "NodeSocketVector", help="Texture coordinates; the UV map if nothing is connected")
+INPUTS = (COLOR, ROUGHNESS, STRENGTH, VECTOR)
+BSDF = Socket("BSDF", "NodeSocketShader")
 
 
 def build() -> bpy.types.ShaderNodeTree:
@@ -125,22 +88,6 @@ def is_glint_group(group) -> bool:
     return group is not None and STAMP in group and (IMAGE_NODE in group.nodes or OLD_INTERPOLATION in group)
 
 
-def map_of(group) -> bpy.types.Image | None:
-    """The normal map of a Glint BSDF group: the user's own image, though the group may read a copy of it."""
-    texture, original = group.nodes.get(IMAGE_NODE), group.nodes.get(ORIGINAL_NODE)
-    if texture is None:
-        return group.get(OLD_IMAGE)
-    if original is not None and original.image is not None and is_data_copy(texture.image):
-        return original.image
-    return texture.image
-
-
-def image_read(group) -> bpy.types.Image | None:
-    """The image whose pixels a Glint BSDF group reads: its map, or the copy of that which is read as data."""
-    texture = group.nodes.get(IMAGE_NODE)
-    return texture.image if texture is not None else group.get(OLD_IMAGE)
-
-
 def lights_of(group):
     """The group "Glint Lights" that a Glint BSDF group reads, or None."""
     node = group.nodes.get(LIGHTS_NODE)
@@ -148,32 +95,14 @@ def lights_of(group):
 
 
 def group_binding(group) -> MapBinding:
-    """What a Glint BSDF group reads, and how: what Blender's own nodes in it say.
+    """What a Glint BSDF group reads, and how.
 
-    Raises MapError for a way of reading that glints cannot follow, SceneError if one of those nodes, or a socket, is
-    missing.
+    Raises MapError for a way of reading that glints cannot follow, SceneError if a socket or one of the nodes that say
+    it is missing.
     """
-    if OLD_INTERPOLATION in group and version_of(group) < VERSION_OF_NODES:
-        return _old_binding(group)
-    _check_sockets(group)
-    texture, normal_map, facets = (_node(group, name) for name in (IMAGE_NODE, NORMAL_NODE, FACETS_NODE))
-    return MapBinding(
-        map_of(group),
-        texture.interpolation.upper(),
-        normal_map.convention,
-        facets.distribution,
-        normal_map.uv_map,
-        texture.extension,
-    )
-
-
-def drop_pointers():
-    """Let groups of version 9 and before keep their map in a node alone, before a preview takes it from them."""
-    for group in bpy.data.node_groups:
-        if group.library is None and group.get(OLD_IMAGE) is not None and IMAGE_NODE in group.nodes:
-            if group.nodes[IMAGE_NODE].image is None:
-                group.nodes[IMAGE_NODE].image = group[OLD_IMAGE]
-            del group[OLD_IMAGE]
+    if not is_old(group):
+        _check_sockets(group)
+    return nodes_binding(group)
 
 
 def reads(group, binding: MapBinding) -> bool:
@@ -227,45 +156,24 @@ def _set_constant(group, name, value):
         socket.default_value = value
 
 
-def _old_binding(group) -> MapBinding:
-    """What a group of version 9 or before reads; its node has the image where the property has lost it."""
-    texture = group.nodes.get(IMAGE_NODE)
-    return MapBinding(
-        group.get(OLD_IMAGE) or (texture.image if texture is not None else None),
-        group[OLD_INTERPOLATION],
-        group.get(OLD_CONVENTION, "OPENGL"),
-        group.get(OLD_DISTRIBUTION, "BECKMANN"),
-        stored_text(group, OLD_UV_MAP),
-        group.get(OLD_EXTENSION, "REPEAT"),  # groups of version 3 and before have none
-    )
-
-
 def _check_sockets(group):
     present = {item.name for item in group.interface.items_tree}
-    lost = [name for name, *_ in SOCKETS if name not in present]
+    lost = [socket.name for socket in INPUTS if socket.name not in present]
     if lost:
         raise SceneError(f'Node group "{group.name}" has lost its socket "{lost[0]}": add its material anew.')
-
-
-def _node(group, name):
-    node = group.nodes.get(name)
-    if node is None:
-        raise SceneError(f'Node group "{group.name}" has lost its node "{name}": add its material anew.')
-    return node
 
 
 def _add_sockets(group) -> list[str]:
     """Add the sockets that the group lacks, a new group all; returns the names of these inputs."""
     present = {item.name for item in group.interface.items_tree}
-    if "BSDF" not in present:
-        add_output(group, "BSDF", "NodeSocketShader")
-    added = [name for name, *_ in SOCKETS if name not in present]
-    for name, kind, settings in SOCKETS:
-        if name in added:
-            add_input(group, name, kind, **settings)
+    if BSDF.name not in present:
+        add_output(group, BSDF)
+    lacking = [socket for socket in INPUTS if socket.name not in present]
+    for socket in lacking:
+        add_input(group, socket)
     # Without a value to show, a socket that is not connected gives textures their own coordinates: the UV map.
-    group.interface.items_tree["Vector"].hide_value = True
-    return added
+    group.interface.items_tree[VECTOR.name].hide_value = True
+    return [socket.name for socket in lacking]
 
 
 def _give_defaults(group, names):
@@ -284,33 +192,30 @@ def _add_nodes(group, binding):
     glossy = _add_native_nodes(group, binding, source)
     script = add_script_node(group, "glint.osl", SCRIPT_NODE)
     if script is None:
-        group.links.new(glossy, output.inputs["BSDF"])
+        group.links.new(glossy, output.inputs[BSDF.name])
         return
 
     lights = add_node(group, "ShaderNodeGroup", LIGHTS_NODE, node_tree=glint_lights.build())
     # Where nothing is connected to Vector: the active UV map, which the Image Texture then takes by itself.
     coordinates = add_node(group, "ShaderNodeUVMap", UV_NODE)
     _follow_nodes(group, binding)
-    links = [(source.outputs[name], script.inputs[name]) for name in ("Color", "Roughness", "Strength")]
-    links.append((source.outputs["Vector"], script.inputs["UV"]))
+    links = [(source.outputs[socket.name], script.inputs[socket.name]) for socket in (COLOR, ROUGHNESS, STRENGTH)]
+    links.append((source.outputs[VECTOR.name], script.inputs["UV"]))
     links.append((coordinates.outputs["UV"], script.inputs["MapUV"]))
     links.append((glossy, script.inputs["Fallback"]))
-    for name in (glint_lights.SAMPLES, glint_lights.CLOSURES):
-        links.append((lights.outputs[name], script.inputs[name]))
+    for name in glint_lights.output_names():
+        # The shader's names have no spaces: Light1.
+        links.append((lights.outputs[name], script.inputs[name.replace(" ", "")]))
     caustics = add_node(group, "ShaderNodeValue", CAUSTICS_NODE).outputs["Value"]
     write_number(caustics, CAUSTICS)
     links.append((caustics, script.inputs["Caustics"]))
-    for index in range(1, glint_lights.HINT_COUNT + 1):
-        links.append((lights.outputs[f"Light {index}"], script.inputs[f"Light{index}"]))
-        links.append((lights.outputs[f"Shape {index}"], script.inputs[f"Shape{index}"]))
-        links.append((lights.outputs[f"Axis {index}"], script.inputs[f"Axis{index}"]))
 
     # Without OSL the Script node vanishes and the factor takes its own value, 0: Blender's own nodes.
     mix = add_node(group, "ShaderNodeMixShader", MIX_NODE, inputs={"Factor": 0.0})
     links.append((script.outputs["Active"], mix.inputs["Factor"]))
     links.append((glossy, mix.inputs[1]))
     links.append((script.outputs["BSDF"], mix.inputs[2]))
-    links.append((mix.outputs[0], output.inputs["BSDF"]))
+    links.append((mix.outputs[0], output.inputs[BSDF.name]))
     for one, other in links:
         group.links.new(one, other)
 
@@ -320,33 +225,29 @@ def _follow_nodes(group, binding):
     script = group.nodes.get(SCRIPT_NODE)
     if script is None:
         return
+    flags = [(choice.name, *choice.flag) for choice in CHOICES.values() if choice.flag is not None]
+    values = {socket: int(getattr(binding, name) == value) for name, socket, value in flags}
     prefix = f"{binding.uv_map}." if binding.uv_map else "geom:"
-    for name, value in {
-        "Linear": int(binding.interpolation == "LINEAR"),
-        "Repeats": int(binding.extension == "REPEAT"),
-        "GGX": int(binding.distribution == "GGX"),
-        "TangentName": f"{prefix}tangent",
-        "SignName": f"{prefix}tangent_sign",
-    }.items():
+    values |= {"TangentName": f"{prefix}tangent", "SignName": f"{prefix}tangent_sign"}
+    for name, value in values.items():
         if script.inputs[name].default_value != value:
             script.inputs[name].default_value = value
 
 
 def _add_native_nodes(group, binding, source):
     """Blender's own nodes for the same surface; returns the BSDF output."""
-    texture = add_node(group, "ShaderNodeTexImage", IMAGE_NODE, interpolation=binding.interpolation.capitalize(),
-                       extension=binding.extension)
+    texture = add_node(group, "ShaderNodeTexImage", IMAGE_NODE)
     _read_map(group, binding.image)
-    normal_map = add_node(group, "ShaderNodeNormalMap", NORMAL_NODE, uv_map=binding.uv_map,
-                          convention=binding.convention)
-    glossy = add_node(group, "ShaderNodeBsdfAnisotropic", FACETS_NODE, distribution=binding.distribution)
-    group.links.new(source.outputs["Vector"], texture.inputs["Vector"])
-    group.links.new(source.outputs["Strength"], normal_map.inputs["Strength"])
+    normal_map = add_node(group, "ShaderNodeNormalMap", NORMAL_NODE)
+    glossy = add_node(group, "ShaderNodeBsdfAnisotropic", FACETS_NODE)
+    write_reading(group, binding)
+    group.links.new(source.outputs[VECTOR.name], texture.inputs["Vector"])
+    group.links.new(source.outputs[STRENGTH.name], normal_map.inputs["Strength"])
     if binding.image is not None:
         group.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
     group.links.new(normal_map.outputs["Normal"], glossy.inputs["Normal"])
-    group.links.new(source.outputs["Color"], glossy.inputs["Color"])
-    group.links.new(source.outputs["Roughness"], glossy.inputs["Roughness"])
+    group.links.new(source.outputs[COLOR.name], glossy.inputs["Color"])
+    group.links.new(source.outputs[ROUGHNESS.name], glossy.inputs["Roughness"])
     return glossy.outputs["BSDF"]
 
 

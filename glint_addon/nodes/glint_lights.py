@@ -33,6 +33,8 @@ SHAPE_HELP = (
     "Z: half-angle in radians of the cone in which a light shines, 0 all around"
 )
 AXIS_HELP = "Unit vector in world space that points away from where a light with a cone shines: its object's Z axis"
+# First entry and tooltip of each of a light's vectors, in the order of `slot_names`.
+PARTS = ((LIGHT, LIGHT_HELP), (SHAPE, SHAPE_HELP), (AXIS, AXIS_HELP))
 
 # Samples of the render under way: the view layer may override the scene's, by one of three rules
 # (0 use, 1 use as an upper bound, 2 ignore), and 0 of its samples means no override.
@@ -65,6 +67,16 @@ def shape_name(slot: int) -> str:
 def axis_name(slot: int) -> str:
     """Name of the output, and of the node behind it, with the axis of light `slot` (1 to HINT_COUNT)."""
     return f"{AXIS_WORD} {slot}"
+
+
+def slot_names(slot: int) -> tuple[str, str, str]:
+    """Names of the outputs with place, shape and axis of light `slot` (1 to HINT_COUNT)."""
+    return light_name(slot), shape_name(slot), axis_name(slot)
+
+
+def output_names() -> list[str]:
+    """Names of all outputs."""
+    return [SAMPLES, CLOSURES, *(name for slot in range(1, HINT_COUNT + 1) for name in slot_names(slot))]
 
 
 def build() -> bpy.types.ShaderNodeTree:
@@ -107,7 +119,7 @@ def refresh(group) -> None:
 def check_nodes(group) -> None:
     """Raise SceneError if the group lacks one of the nodes that read lights."""
     for slot in range(1, HINT_COUNT + 1):
-        for name in (light_name(slot), shape_name(slot), axis_name(slot)):
+        for name in slot_names(slot):
             if group.nodes.get(name) is None:
                 raise SceneError(
                     f'Node group "{group.name}" has lost its node "{name}": delete the group, prepare again.')
@@ -142,8 +154,7 @@ def _add_nodes(group):
     """The nodes, and the outputs that a new group or an older version lacks."""
     sources = {}
     for slot in range(1, HINT_COUNT + 1):
-        for name, part, help in ((light_name(slot), LIGHT, LIGHT_HELP), (shape_name(slot), SHAPE, SHAPE_HELP),
-                                 (axis_name(slot), AXIS, AXIS_HELP)):
+        for name, (part, help) in zip(slot_names(slot), PARTS, strict=True):
             node = builder.add_node(group, "ShaderNodeCombineXYZ", name)
             for axis, socket in enumerate(node.inputs):
                 write_number(socket, context_number(set_of(group), slot, part + axis))
@@ -159,5 +170,5 @@ def _add_nodes(group):
     for name, (source, help) in sorted(sources.items(), key=lambda item: item[0].startswith(AXIS_WORD)):
         if name not in present:
             kind = "NodeSocketFloat" if name in (SAMPLES, CLOSURES) else "NodeSocketVector"
-            builder.add_output(group, name, kind, help=help)
+            builder.add_output(group, builder.Socket(name, kind, help=help))
         group.links.new(source, output.inputs[name])

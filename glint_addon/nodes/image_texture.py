@@ -18,6 +18,7 @@ from ..errors import SceneError
 from ..images import image_shape
 from ..properties import IMAGE_TEXTURE
 from . import builder, glint_lights, script_node
+from .builder import Socket
 
 NAME = "Glint Image Texture"
 VERSION = 1
@@ -27,6 +28,19 @@ SHADER = "image_texture.osl"
 MAPPINGS = {"UV": "UV", "SPHERICAL": "Spherical", "VECTOR": "Vector"}
 FILTERS = {"NEAREST": "Nearest", "BILINEAR": "Bilinear", "MIPMAP": "Mipmap"}
 UP_AXES = {"Y": "Y", "Z": "Z"}
+
+OUTPUTS = (
+    Socket("Color", "NodeSocketColor", help="As Blender's Image Texture"),
+    Socket("Alpha", "NodeSocketFloat", help="As Blender's Image Texture"),
+)
+INPUTS = (
+    Socket("Mapping", "NodeSocketMenu", help="UV map, sphere around the object's origin, or the Vector socket"),
+    Socket("Filter", "NodeSocketMenu", help="Mipmap needs OSL and is bilinear without"),
+    Socket("Up Axis", "NodeSocketMenu", help="Axis of the sphere: v = 1 at its positive end"),
+    Socket("Turn with Object", "NodeSocketBool", default=False,
+           help="Spherical: the sphere's axes are the object's own instead of the world's"),
+    Socket("Vector", "NodeSocketVector", help="Texture coordinates for the mapping Vector"),
+)
 
 NEAREST_NODE, BILINEAR_NODE, MIPMAP_NODE = "Image Nearest", "Image Bilinear", "Image Mipmap"
 UV_NODE, ROW_NODE = "UV Map", "Half a Row"
@@ -189,21 +203,11 @@ def _new_tree():
 
 
 def _add_sockets(group):
-    menu = "NodeSocketMenu"
-    builder.add_output(group, "Color", "NodeSocketColor", help="As Blender's Image Texture")
-    builder.add_output(group, "Alpha", "NodeSocketFloat", help="As Blender's Image Texture")
-    builder.add_input(group, "Mapping", menu, help="UV map, sphere around the object's origin, or the Vector socket")
-    builder.add_input(group, "Filter", menu, help="Mipmap needs OSL and is bilinear without")
-    builder.add_input(group, "Up Axis", menu, help="Axis of the sphere: v = 1 at its positive end")
-    builder.add_input(
-        group,
-        "Turn with Object",
-        "NodeSocketBool",
-        default=False,
-        help="Spherical: the sphere's axes are the object's own instead of the world's",
-    )
-    vector = builder.add_input(group, "Vector", "NodeSocketVector", help="Texture coordinates for the mapping Vector")
-    vector.hide_value = True
+    for socket in OUTPUTS:
+        builder.add_output(group, socket)
+    for socket in INPUTS:
+        builder.add_input(group, socket)
+    group.interface.items_tree["Vector"].hide_value = True
 
 
 def _add_menu(group, socket, data_type, label, sources):

@@ -6,8 +6,14 @@ from pathlib import Path
 import bpy
 from bpy.props import FloatProperty, FloatVectorProperty, StringProperty
 
+from ..nodes.glint_bsdf import COLOR, ROUGHNESS, STRENGTH
 from .failing_softly import FailsSoftly
 from .map_settings import MapSettings, check_uv_map
+
+
+def setting_of(socket) -> dict:
+    """Name, tooltip and range of a setting that becomes the value of a socket of the new node."""
+    return {"name": socket.name, "description": socket.setting_help, "min": socket.low, "max": socket.high}
 
 
 class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
@@ -18,29 +24,9 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     name: StringProperty(name="Name", description="Name of the material; empty takes the map's name", default="")
-    roughness: FloatProperty(
-        name="Roughness",
-        description="Roughness of each facet between the map's texels, as in Glossy BSDF; alpha is its square",
-        default=0.1,
-        min=0.0,
-        max=1.0,
-        subtype="FACTOR",
-    )
-    color: FloatVectorProperty(
-        name="Color",
-        description="Colour of the reflection",
-        default=(1.0, 1.0, 1.0),
-        min=0.0,
-        max=1.0,
-        subtype="COLOR",
-    )
-    strength: FloatProperty(
-        name="Strength",
-        description="How much of the map's tilt is used, as in the Normal Map node",
-        default=1.0,
-        min=0.0,
-        max=10.0,
-    )
+    roughness: FloatProperty(**setting_of(ROUGHNESS), default=ROUGHNESS.default, subtype=ROUGHNESS.subtype)
+    color: FloatVectorProperty(**setting_of(COLOR), default=COLOR.default[:3], subtype="COLOR")
+    strength: FloatProperty(**setting_of(STRENGTH), default=STRENGTH.default)
 
     @classmethod
     def poll(cls, context):
@@ -73,13 +59,9 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
             self.name or f"Glint {map_title(normal_map)}",
             normal_map,
             roughness=self.roughness,
-            distribution=self.distribution,
-            interpolation=self.interpolation,
-            convention=self.convention,
-            extension=self.extension,
             color=tuple(self.color),
             strength=self.strength,
-            uv_map=self.uv_map,
+            **self.reading(),
         )
         assign(target, material)
         # The pick is spent: the next material starts with an empty field.

@@ -3,6 +3,8 @@
 import bpy
 
 from ..nodes.builder import COLUMN_WIDTH
+from ..nodes.glint_bsdf import VECTOR, group_binding, is_glint_group
+from ..nodes.map_binding import MapBinding
 from .failing_softly import FailsSoftly
 from .map_settings import MapSettings, check_uv_map
 
@@ -29,13 +31,9 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
 
     def invoke(self, context, event):
         """Start from what the material has now, or the image picked in the panel, and ask."""
-        from ..nodes.glint_bsdf import group_binding, map_of
-
-        group = glint_nodes(active_material(context))[0].node_tree
-        binding = group_binding(group)
-        for name in ("interpolation", "convention", "distribution", "uv_map", "extension"):
-            setattr(self, name, getattr(binding, name))
-        image = context.scene.glint.normal_map or map_of(group)
+        binding = group_binding(glint_nodes(active_material(context))[0].node_tree)
+        self.start_from(binding)
+        image = context.scene.glint.normal_map or binding.image
         self.image = image.name if image is not None else ""
         return context.window_manager.invoke_props_dialog(self, width=350)
 
@@ -48,14 +46,7 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
         if context.object is not None:
             check_uv_map(context.object, self.uv_map, context)
         normal_map = self.chosen_map(context)
-        group = bound_group(
-            normal_map,
-            interpolation=self.interpolation,
-            convention=self.convention,
-            extension=self.extension,
-            distribution=self.distribution,
-            uv_map=self.uv_map,
-        )
+        group = bound_group(normal_map, MapBinding(**self.reading()))
         for node in glint_nodes(material):
             left, node.node_tree = node.node_tree, group
             follow_uv_map(node, self.uv_map)
@@ -84,8 +75,6 @@ def active_material(context):
 
 def glint_nodes(material) -> list:
     """Nodes of the material's own tree that are a Glint BSDF, with or without a map."""
-    from ..nodes.glint_bsdf import is_glint_group
-
     if material is None or material.node_tree is None:
         return []
     groups = (node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup")
@@ -97,7 +86,7 @@ def follow_uv_map(node, uv_map: str):
 
     Where nothing is connected it is the active one; another needs a node.
     """
-    vector = node.inputs["Vector"]
+    vector = node.inputs[VECTOR.name]
     if uv_map and not vector.is_linked:
         tree = node.id_data
         coordinates = tree.nodes.new("ShaderNodeUVMap")

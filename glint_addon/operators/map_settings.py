@@ -4,8 +4,15 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..errors import SceneError
+from ..nodes.map_binding import READING, MapBinding
+from ..nodes.map_choices import CHOICES, CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION, Choice
 
 HIDDEN = {"HIDDEN", "SKIP_SAVE"}
+
+
+def choice_property(choice: Choice):
+    """The setting of an operator for a choice of how the map is read."""
+    return EnumProperty(name=choice.label, description=choice.help, items=choice.items, default=choice.default)
 
 
 class MapSettings:
@@ -20,43 +27,22 @@ class MapSettings:
     filter_image: BoolProperty(default=True, options=HIDDEN)
     filter_folder: BoolProperty(default=True, options=HIDDEN)
 
-    distribution: EnumProperty(
-        name="Distribution",
-        description="Microfacet distribution around each normal of the map",
-        items=(
-            ("BECKMANN", "Beckmann", "Gaussian slopes: crisp glints without tails"),
-            ("GGX", "GGX", "Long tails: a soft halo around each glint"),
-        ),
-    )
-    interpolation: EnumProperty(
-        name="Interpolation",
-        description="How normals are read between texels",
-        items=(
-            ("LINEAR", "Linear", "Smooth maps: waves, scratches, brushed metal"),
-            ("CLOSEST", "Closest", "One flat facet a texel: metallic flakes, sequins"),
-        ),
-    )
-    convention: EnumProperty(
-        name="Convention",
-        description="Which way the map's green channel points",
-        items=(
-            ("OPENGL", "OpenGL", "Green points up (Y+), as in Blender"),
-            ("DIRECTX", "DirectX", "Green points down (Y-)"),
-        ),
-    )
-    extension: EnumProperty(
-        name="Extension",
-        description="What is outside the map's own square of UVs",
-        items=(
-            ("REPEAT", "Repeat", "The map again: no edge"),
-            ("EXTEND", "Extend", "The map's outermost texels; rendered by Blender's own nodes, from the edge on"),
-            ("CLIP", "Clip", "Nothing: black; the edge is rendered by Blender's own nodes"),
-            ("MIRROR", "Mirror", "The map mirrored; rendered by Blender's own nodes, from the edge on"),
-        ),
-    )
+    distribution: choice_property(DISTRIBUTION)
+    interpolation: choice_property(INTERPOLATION)
+    convention: choice_property(CONVENTION)
+    extension: choice_property(EXTENSION)
     uv_map: StringProperty(
         name="UV Map", description="UV map that places the normal map; empty takes the one active for rendering"
     )
+
+    def reading(self) -> dict:
+        """How the map is read: arguments of `create_glint_material` and of `MapBinding`."""
+        return {name: getattr(self, name) for name in READING}
+
+    def start_from(self, binding: MapBinding):
+        """Let the settings be those of `binding`; its image is left to the caller."""
+        for name in READING:
+            setattr(self, name, getattr(binding, name))
 
     def chosen_map(self, context):
         """The dropped file's path, the named image, or the image picked in the panel.
@@ -79,7 +65,7 @@ class MapSettings:
 
     def draw_map(self, context):
         """The choices, in the Adjust Last Operation panel or a dialog."""
-        for name in ("distribution", "interpolation", "convention", "extension"):
+        for name in CHOICES:
             self.layout.prop(self, name)
         if context.object and context.object.type == "MESH":
             self.layout.prop_search(self, "uv_map", context.object.data, "uv_layers")

@@ -2,7 +2,8 @@
 
 import bpy
 
-from ..nodes.glint_bsdf import is_glint_group, map_of
+from ..nodes.glint_bsdf import is_glint_group
+from ..nodes.map_binding import map_of
 from ..prepare.report import Report
 from ..prepare.table_budget import mebibytes
 from ..prepare.watch import look_at

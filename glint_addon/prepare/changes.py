@@ -13,7 +13,8 @@ from pathlib import Path
 
 from ..bake.float_image import is_whole
 from ..images import ImageStates, file_digest
-from ..nodes.glint_bsdf import VERSION, map_of
+from ..nodes.glint_bsdf import VERSION
+from ..nodes.map_binding import map_of
 from ..nodes.scene_lights import held_sets
 from ..properties import PREPARED
 from .light_facts import changed_lights, foreign_lights, light_facts, lost_lights

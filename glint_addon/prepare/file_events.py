@@ -8,7 +8,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from .. import paths
-from ..nodes.glint_bsdf import drop_pointers
+from ..nodes.map_binding import drop_pointers
 from .table_files import bring_tables, change_paths, find_tables, groups_with_tables, table_paths, take_back
 
 _before = {}  # {group: its paths} while a file is being saved, to be put back if that fails

@@ -10,7 +10,8 @@ from ..bake.slope_index import index_shape
 from ..bake.table import padded_size
 from ..images import ImageStates, image_pixels, image_shape, image_stamp
 from ..nodes import glint_bsdf
-from ..nodes.glint_bsdf import group_binding, image_read
+from ..nodes.glint_bsdf import group_binding
+from ..nodes.map_binding import image_read
 from ..nodes.map_tables import NO_COUNTS, MapTables
 from ..seen.footprints import counts_levels_reached, footprint_range, index_is_reached
 from .stored_tables import is_missing, stored_tables

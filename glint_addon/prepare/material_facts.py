@@ -7,7 +7,8 @@ import bpy
 from ..bake.float_image import is_whole
 from ..errors import GlintError
 from ..images import file_digest
-from ..nodes.glint_bsdf import group_binding, map_of
+from ..nodes.glint_bsdf import group_binding
+from ..nodes.map_binding import map_of
 from ..nodes.script_node import osl_available
 from .stored_tables import remembered_tables
 

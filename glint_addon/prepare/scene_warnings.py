@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from ..nodes.glint_bsdf import lights_of, map_of
+from ..nodes.glint_bsdf import lights_of
 from ..nodes.glint_lights import set_of
+from ..nodes.map_binding import map_of
 from ..nodes.map_tables import MapTables
 from ..nodes.script_node import osl_available
 from .shading_system import NO_OSL, ON_GPU

@@ -9,7 +9,8 @@ from .. import paths
 from ..bake.float_image import is_whole
 from ..images import image_shape, image_stamp, is_unsaved
 from ..nodes.builder import version_of
-from ..nodes.glint_bsdf import VERSION, image_read
+from ..nodes.glint_bsdf import VERSION
+from ..nodes.map_binding import image_read
 from ..nodes.map_tables import NO_COUNTS, MapTables
 
 

@@ -5,7 +5,9 @@ from pathlib import Path
 import bpy
 
 from ..errors import GlintError
-from ..nodes.glint_bsdf import group_binding, map_of
+from ..nodes.glint_bsdf import group_binding
+from ..nodes.map_binding import map_of
+from ..nodes.map_choices import CHOICES
 from ..nodes.map_tables import MapTables
 from ..nodes.script_node import osl_available
 from ..operators.change_map import glint_nodes
@@ -15,19 +17,6 @@ from ..prepare import watch
 from ..prepare.shading_system import NO_OSL, ON_GPU, is_on
 from .place import GlintPanel, PreparedPanel
 from .text import draw_sentence
-
-# How the panel writes the values that a Glint BSDF group keeps.
-WORDS = {
-    "BECKMANN": "Beckmann",
-    "GGX": "GGX",
-    "LINEAR": "Linear",
-    "CLOSEST": "Closest",
-    "OPENGL": "OpenGL",
-    "DIRECTX": "DirectX",
-    "EXTEND": "Extend",
-    "CLIP": "Clip",
-    "MIRROR": "Mirror",
-}
 
 MOST_CHANGES = 5  # sentences on what changed
 
@@ -123,13 +112,13 @@ def table_words(group, context) -> tuple[str, str]:
 
 
 def binding_words(group) -> list[str]:
-    """How a group reads its map, in words; Repeat is what one expects, so it is not said."""
+    """How a group reads its map, in words; what one expects, as Repeat, is not said."""
     try:
         binding = group_binding(group)
     except GlintError as error:
         return [str(error)]
-    values = (binding.distribution, binding.interpolation, binding.convention, binding.extension)
-    return [WORDS[value] for value in values if value != "REPEAT"]
+    chosen = [(choice, getattr(binding, name)) for name, choice in CHOICES.items()]
+    return [choice.value(value).label for choice, value in chosen if value != choice.expected]
 
 
 def draw_changes(layout, context):

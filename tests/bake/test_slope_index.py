@@ -12,7 +12,7 @@ from glint_addon import create_glint_material, paths, prepare_scene
 from glint_addon.bake import slope_index
 from glint_addon.errors import CancelledError
 from glint_addon.materials.find import glint_groups
-from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
+from glint_addon.nodes.map_tables import SCRIPT_NODE
 from glint_addon.paths import disk_path
 from glint_addon.seen import footprints
 from tests.helpers import cycles

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from glint_addon.nodes.builder import STAMP
-from glint_addon.nodes.glint_bsdf import ORIGINAL_NODE, UV_NODE, group_binding
+from glint_addon.nodes.glint_bsdf import UV_NODE, group_binding
+from glint_addon.nodes.map_binding import ORIGINAL_NODE
 
 
 def make_old(group):

@@ -434,7 +434,7 @@ bpy.ops.glint.change_map(image=image.name, interpolation="CLOSEST")
 bpy.data.images.remove(image)
 bpy.ops.glint.add_material(filepath={file!r})
 (group,) = glint_groups(plane.active_material)
-from glint_addon.nodes.glint_bsdf import image_read
+from glint_addon.nodes.map_binding import image_read
 assert image_read(group).colorspace_settings.name == "Raw"
 create_glint_material("Glint", bpy.data.images.load({file!r}))
 painted = bpy.data.images.new("Painted", 4, 4)

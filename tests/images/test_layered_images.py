@@ -10,7 +10,7 @@ from glint_addon.images import data_image, image_pixels, image_shape, image_stam
 from glint_addon.images.stored import stored_image
 from glint_addon.materials.create import create_glint_material
 from glint_addon.materials.find import glint_groups
-from glint_addon.nodes.glint_bsdf import map_of
+from glint_addon.nodes.map_binding import map_of
 from tests.helpers.extension import data_names
 from tests.helpers.image_copies import follow
 from tests.images.test_images import shown_by_cycles

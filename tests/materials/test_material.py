@@ -8,7 +8,8 @@ from glint_addon import create_glint_material
 from glint_addon.errors import GlintError, MapError, ShaderError
 from glint_addon.materials.find import glint_groups, is_glint_material
 from glint_addon.nodes import glint_bsdf
-from glint_addon.nodes.glint_bsdf import map_of
+from glint_addon.nodes.map_binding import MapBinding, map_of
+from glint_addon.nodes.map_choices import CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION
 from tests.helpers.extension import data_names, write_flake_map
 
 SIZE = 16
@@ -51,14 +52,14 @@ def test_the_defaults_are_those_of_the_documented_signature(flake_map):
     node = surface(material)
     assert node.inputs["Roughness"].default_value == pytest.approx(0.1)
     assert node.inputs["Strength"].default_value == 1.0 and node.inputs["Color"].default_value[:] == (1, 1, 1, 1)
-    assert glint_bsdf.group_binding(group) == glint_bsdf.MapBinding(
+    assert glint_bsdf.group_binding(group) == MapBinding(
         bpy.data.images["flakes.png"], "LINEAR", "OPENGL", "BECKMANN", "")
     assert node.outputs["BSDF"].links[0].to_node.bl_idname == "ShaderNodeOutputMaterial"
 
 
-@pytest.mark.parametrize("distribution", glint_bsdf.DISTRIBUTIONS)
-@pytest.mark.parametrize("interpolation", glint_bsdf.INTERPOLATIONS)
-@pytest.mark.parametrize("convention", glint_bsdf.CONVENTIONS)
+@pytest.mark.parametrize("distribution", DISTRIBUTION.identifiers)
+@pytest.mark.parametrize("interpolation", INTERPOLATION.identifiers)
+@pytest.mark.parametrize("convention", CONVENTION.identifiers)
 def test_the_arguments_reach_both_the_shader_and_the_native_nodes(flake_map, distribution, interpolation, convention):
     material = create_glint_material(
         "m", str(flake_map), roughness=0.3, distribution=distribution, interpolation=interpolation,
@@ -68,7 +69,7 @@ def test_the_arguments_reach_both_the_shader_and_the_native_nodes(flake_map, dis
     assert node.inputs["Roughness"].default_value == pytest.approx(0.3) and node.inputs["Strength"].default_value == 2.0
     assert node.inputs["Color"].default_value[:] == pytest.approx((0.1, 0.2, 0.3, 1))
     kinds = {inner.bl_idname: inner for inner in nodes}
-    assert kinds["ShaderNodeTexImage"].interpolation.upper() == interpolation
+    assert kinds["ShaderNodeTexImage"].interpolation == INTERPOLATION.value(interpolation).native
     assert kinds["ShaderNodeNormalMap"].convention == convention and kinds["ShaderNodeNormalMap"].uv_map == "Other"
     assert kinds["ShaderNodeBsdfAnisotropic"].distribution == distribution
     script = nodes[glint_bsdf.SCRIPT_NODE].inputs
@@ -92,7 +93,7 @@ def test_the_same_name_twice_gives_two_materials_that_share_one_group(flake_map)
 
 
 def test_two_ways_of_reading_one_map_give_two_groups(flake_map):
-    one, other = (create_glint_material("m", flake_map, interpolation=name) for name in glint_bsdf.INTERPOLATIONS)
+    one, other = (create_glint_material("m", flake_map, interpolation=name) for name in INTERPOLATION.identifiers)
     assert glint_groups(one) != glint_groups(other) and len(bpy.data.images) == 1
 
 
@@ -122,9 +123,10 @@ def test_what_is_no_color_is_refused(flake_map, color):
 
 
 @pytest.mark.parametrize(("name", "allowed"), [
-    ("distribution", glint_bsdf.DISTRIBUTIONS),
-    ("interpolation", glint_bsdf.INTERPOLATIONS),
-    ("convention", glint_bsdf.CONVENTIONS),
+    ("distribution", DISTRIBUTION.identifiers),
+    ("interpolation", INTERPOLATION.identifiers),
+    ("convention", CONVENTION.identifiers),
+    ("extension", EXTENSION.identifiers),
 ])
 def test_an_unknown_choice_is_refused_with_those_there_are(flake_map, name, allowed):
     for value in ("PHONG", allowed[0].lower(), "", None):

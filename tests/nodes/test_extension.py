@@ -10,6 +10,7 @@ from glint_addon import create_glint_material, prepare_scene
 from glint_addon.errors import MapError
 from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_bsdf
+from glint_addon.nodes.map_choices import EXTENSION
 from tests.helpers import cycles
 
 SIDE = 32  # texels
@@ -75,13 +76,13 @@ def test_a_repeating_map_has_no_edge():
 
 def test_maps_that_extend_otherwise_have_groups_of_their_own_and_share_the_table(scene):
     image = maps.blender_image("Flakes", maps.flakes(SIDE, std=0.1))
-    materials = [create_glint_material(name, image, extension=name) for name in glint_bsdf.EXTENSIONS]
+    materials = [create_glint_material(name, image, extension=name) for name in EXTENSION.identifiers]
     for material in materials:
         cycles.add_plane(scene, material=material)
     groups = [glint_groups(material)[0] for material in materials]
     assert len(set(groups)) == 4 and len({group["glint_table"] for group in groups}) == 1
     natives = [group.nodes["Normal Map Image"].extension for group in groups]
-    assert natives == list(glint_bsdf.EXTENSIONS)
+    assert natives == list(EXTENSION.identifiers)
     repeats = [group.nodes[glint_bsdf.SCRIPT_NODE].inputs["Repeats"].default_value for group in groups]
     assert repeats == [1, 0, 0, 0]
 

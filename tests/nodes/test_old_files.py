@@ -14,7 +14,8 @@ import glint_addon
 from glint_addon import changes_since_prepared, create_glint_material, prepare_scene
 from glint_addon.materials.find import glint_groups
 from glint_addon.nodes.builder import STAMP
-from glint_addon.nodes.glint_bsdf import VERSION, group_binding, map_of, refresh
+from glint_addon.nodes.glint_bsdf import VERSION, group_binding, refresh
+from glint_addon.nodes.map_binding import map_of
 from glint_addon.nodes.script_node import osl_available
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map

@@ -8,7 +8,8 @@ import pytest
 import glint_addon
 from glint_addon.materials.find import glint_groups, is_glint_material
 from glint_addon.nodes import GROUPS
-from glint_addon.nodes.glint_bsdf import group_binding, is_glint_group, map_of
+from glint_addon.nodes.glint_bsdf import group_binding, is_glint_group
+from glint_addon.nodes.map_binding import map_of
 from tests.helpers import cycles
 from tests.helpers.extension import data_names, shader_editor, write_flake_map
 

@@ -18,7 +18,7 @@ from glint_addon.choice.ranking import LARGEST_VISIT
 from glint_addon.materials.create import create_glint_material
 from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_lights
-from glint_addon.nodes.glint_bsdf import SCRIPT_NODE
+from glint_addon.nodes.map_tables import SCRIPT_NODE
 from glint_addon.prepare.scene import prepare_scene
 from tests.helpers import cycles
 

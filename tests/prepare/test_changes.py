@@ -12,7 +12,9 @@ from glint_addon import changes_since_prepared, create_glint_material, prepare_s
 from glint_addon.bake.float_image import is_whole
 from glint_addon.materials.create import bound_group
 from glint_addon.materials.find import glint_groups
-from glint_addon.nodes.glint_bsdf import FACETS_NODE, IMAGE_NODE, NORMAL_NODE, VERSION, map_of
+from glint_addon.nodes.glint_bsdf import VERSION
+from glint_addon.nodes.map_binding import MapBinding, map_of
+from glint_addon.nodes.map_choices import FACETS_NODE, IMAGE_NODE, NORMAL_NODE
 from glint_addon.paths import TABLE_FOLDER_NAME
 from glint_addon.prepare.changes import NOT_PREPARED, OTHER_VERSION, PREPARED
 from tests.helpers import cycles
@@ -61,9 +63,8 @@ def texture():
 
 def use_normal_map(normal_map, **settings):
     """As Change Normal Map does."""
-    reading = {"distribution": "BECKMANN", "interpolation": "CLOSEST", "convention": "OPENGL", "uv_map": ""}
     (node,) = [node for node in bpy.data.materials["Sparkle"].node_tree.nodes if node.bl_idname == "ShaderNodeGroup"]
-    node.node_tree = bound_group(normal_map, **reading | settings)
+    node.node_tree = bound_group(normal_map, MapBinding(**{"interpolation": "CLOSEST"} | settings))
 
 
 # --- what is told ---
@@ -139,8 +140,7 @@ def a_second_object(scene, folder):
 def a_second_lobe(scene, folder):
     tree = bpy.data.materials["Sparkle"].node_tree
     node = tree.nodes.new("ShaderNodeGroup")
-    node.node_tree = bound_group(folder / "flakes.png", distribution="GGX", interpolation="LINEAR",
-                                 convention="OPENGL", uv_map="")
+    node.node_tree = bound_group(folder / "flakes.png", MapBinding(distribution="GGX"))
     return 'Material "Sparkle" has 2 Glint BSDFs now, not 1.'
 
 

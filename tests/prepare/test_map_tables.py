@@ -15,7 +15,7 @@ from glint_addon.images import image_pixels
 from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_bsdf
 from glint_addon.nodes.builder import STAMP
-from glint_addon.nodes.glint_bsdf import map_of
+from glint_addon.nodes.map_binding import map_of
 from glint_addon.paths import TABLE_FOLDER_NAME, disk_path
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map

@@ -10,7 +10,7 @@ from glint_addon import create_glint_material, prepare_scene
 from glint_addon.errors import MapError, TableError
 from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_bsdf, glint_lights, image_texture
-from glint_addon.nodes.glint_bsdf import map_of
+from glint_addon.nodes.map_binding import map_of
 from glint_addon.paths import TABLE_FOLDER_NAME, disk_path, table_folder
 from tests.helpers import cycles
 from tests.helpers.extension import data_names, write_flake_map

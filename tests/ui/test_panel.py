@@ -8,7 +8,7 @@ import bpy
 import pytest
 
 from glint_addon.nodes import GROUPS
-from glint_addon.nodes.glint_bsdf import IMAGE_NODE
+from glint_addon.nodes.map_choices import IMAGE_NODE
 from glint_addon.operators.scene_state import store_report
 from glint_addon.prepare import watch
 from glint_addon.prepare.report import Report

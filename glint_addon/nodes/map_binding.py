@@ -1,0 +1,123 @@
+"""What a Glint BSDF group reads, and how: Blender's own nodes inside the group say it.
+
+Nothing repeats that: whoever changes these nodes changes what is prepared. An image in a custom property would be lost
+besides, because each preview of a material takes one of its users away.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import bpy
+
+from ..errors import MapError, SceneError
+from ..images import is_data_copy
+from ..properties import OLD_CONVENTION, OLD_DISTRIBUTION, OLD_EXTENSION, OLD_IMAGE, OLD_INTERPOLATION, OLD_UV_MAP
+from .builder import version_of
+from .map_choices import (
+    CHOICES,
+    CONVENTION,
+    DISTRIBUTION,
+    EXTENSION,
+    FACETS_NODE,
+    IMAGE_NODE,
+    INTERPOLATION,
+    NORMAL_NODE,
+)
+from .map_tables import stored_text
+
+ORIGINAL_NODE = "Original"  # of an image that is shown as colour elsewhere: the group reads a copy, and this holds it
+
+# Up to version 9 custom properties said what a group reads.
+VERSION_OF_NODES = 10
+
+
+@dataclass(frozen=True)
+class MapBinding:
+    """A normal map, the user's own image, and how it is read: by which value of each of CHOICES and which UV map."""
+
+    image: bpy.types.Image | None = None
+    interpolation: str = INTERPOLATION.default
+    convention: str = CONVENTION.default
+    distribution: str = DISTRIBUTION.default
+    uv_map: str = ""
+    extension: str = EXTENSION.default
+
+    def __post_init__(self):
+        for name in (name for name in READING if name in CHOICES):
+            value, choice = getattr(self, name), CHOICES[name]
+            if value not in choice.identifiers:
+                raise MapError(f'{choice.label} "{value}" is unknown: use one of {", ".join(choice.identifiers)}.')
+
+
+# The fields that say how the map is read.
+READING = tuple(field.name for field in fields(MapBinding) if field.name != "image")
+
+
+def map_of(group) -> bpy.types.Image | None:
+    """The normal map of a Glint BSDF group: the user's own image, though the group may read a copy of it."""
+    texture, original = group.nodes.get(IMAGE_NODE), group.nodes.get(ORIGINAL_NODE)
+    if texture is None:
+        return group.get(OLD_IMAGE)
+    if original is not None and original.image is not None and is_data_copy(texture.image):
+        return original.image
+    return texture.image
+
+
+def image_read(group) -> bpy.types.Image | None:
+    """The image whose pixels a Glint BSDF group reads: its map, or the copy of that which is read as data."""
+    texture = group.nodes.get(IMAGE_NODE)
+    return texture.image if texture is not None else group.get(OLD_IMAGE)
+
+
+def nodes_binding(group) -> MapBinding:
+    """What the nodes of a Glint BSDF group say, the properties of one of version 9 or before.
+
+    Raises MapError for a way of reading that glints cannot follow, SceneError if one of the nodes is missing.
+    """
+    if is_old(group):
+        return _old_binding(group)
+    nodes = {name: _node(group, name) for name in (IMAGE_NODE, NORMAL_NODE, FACETS_NODE)}
+    chosen = {name: choice.identifier(getattr(nodes[choice.node], name)) for name, choice in CHOICES.items()}
+    return MapBinding(map_of(group), uv_map=nodes[NORMAL_NODE].uv_map, **chosen)
+
+
+def write_reading(group, binding: MapBinding):
+    """Let Blender's own nodes in a group say how `binding` is read; see `glint_bsdf.follow_map` for its image."""
+    for name, choice in CHOICES.items():
+        setattr(group.nodes[choice.node], name, choice.value(getattr(binding, name)).native)
+    group.nodes[NORMAL_NODE].uv_map = binding.uv_map
+
+
+def is_old(group) -> bool:
+    """Whether properties of the group, which is of version 9 or before, say what it reads."""
+    return OLD_INTERPOLATION in group and version_of(group) < VERSION_OF_NODES
+
+
+def drop_pointers():
+    """Let groups of version 9 and before keep their map in a node alone, before a preview takes it from them."""
+    for group in bpy.data.node_groups:
+        if group.library is None and group.get(OLD_IMAGE) is not None and IMAGE_NODE in group.nodes:
+            if group.nodes[IMAGE_NODE].image is None:
+                group.nodes[IMAGE_NODE].image = group[OLD_IMAGE]
+            del group[OLD_IMAGE]
+
+
+def _old_binding(group) -> MapBinding:
+    """What a group of version 9 or before reads; its node has the image where the property has lost it."""
+    texture = group.nodes.get(IMAGE_NODE)
+    return MapBinding(
+        group.get(OLD_IMAGE) or (texture.image if texture is not None else None),
+        group[OLD_INTERPOLATION],
+        group.get(OLD_CONVENTION, CONVENTION.default),
+        group.get(OLD_DISTRIBUTION, DISTRIBUTION.default),
+        stored_text(group, OLD_UV_MAP),
+        group.get(OLD_EXTENSION, EXTENSION.default),  # groups of version 3 and before have none
+    )
+
+
+def _node(group, name):
+    node = group.nodes.get(name)
+    if node is None:
+        raise SceneError(f'Node group "{group.name}" has lost its node "{name}": add its material anew.')
+    return node

@@ -1,0 +1,119 @@
+"""How a normal map may be read: each choice, its values, and what they are called on screen and in Blender's nodes.
+
+This is the one list: the node group, the checks, the operators and the panel read it, so a value that is added here
+appears in all of them. tests/nodes/test_map_choices.py names the places that have to learn what it means.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+# Blender's own nodes, which say what the group reads.
+IMAGE_NODE, NORMAL_NODE, FACETS_NODE = "Normal Map Image", "Tangent Space", "Facets"
+
+
+@dataclass(frozen=True)
+class Value:
+    """One value of a choice; `in_node` is Blender's own name for it, where that differs from the identifier."""
+
+    identifier: str
+    label: str
+    help: str
+    in_node: str = ""
+
+    @property
+    def native(self) -> str:
+        """What Blender's own node calls it."""
+        return self.in_node or self.identifier
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A choice of how a map is read; its first value is the default.
+
+    name: field of `MapBinding`, setting of the operators, and property of the group's node `node`; flag: input of the
+    OSL node that is 1 for one value and 0 for all others, and that value, or None where the tables say it; expected:
+    the value that goes without saying.
+    """
+
+    name: str
+    label: str
+    help: str
+    node: str
+    values: tuple[Value, ...]
+    flag: tuple[str, str] | None = None
+    expected: str = ""
+
+    @property
+    def default(self) -> str:
+        """Identifier of the first value."""
+        return self.values[0].identifier
+
+    @property
+    def identifiers(self) -> tuple[str, ...]:
+        """The values, as in files and arguments."""
+        return tuple(value.identifier for value in self.values)
+
+    @property
+    def items(self) -> tuple[tuple[str, str, str], ...]:
+        """The values as Blender's EnumProperty takes them."""
+        return tuple((value.identifier, value.label, value.help) for value in self.values)
+
+    def value(self, identifier: str) -> Value:
+        """The value of that identifier. Raises KeyError if there is none."""
+        return {value.identifier: value for value in self.values}[identifier]
+
+    def identifier(self, native: str) -> str:
+        """Identifier of the value that Blender's own node calls `native`; of others that name in capitals."""
+        return {value.native: value.identifier for value in self.values}.get(native, native.upper())
+
+
+DISTRIBUTION = Choice(
+    "distribution",
+    "Distribution",
+    "Microfacet distribution around each normal of the map",
+    FACETS_NODE,
+    (
+        Value("BECKMANN", "Beckmann", "Gaussian slopes: crisp glints without tails"),
+        Value("GGX", "GGX", "Long tails: a soft halo around each glint"),
+    ),
+    flag=("GGX", "GGX"),
+)
+INTERPOLATION = Choice(
+    "interpolation",
+    "Interpolation",
+    "How normals are read between texels",
+    IMAGE_NODE,
+    (
+        Value("LINEAR", "Linear", "Smooth maps: waves, scratches, brushed metal", in_node="Linear"),
+        Value("CLOSEST", "Closest", "One flat facet a texel: metallic flakes, sequins", in_node="Closest"),
+    ),
+    flag=("Linear", "LINEAR"),
+)
+CONVENTION = Choice(
+    "convention",
+    "Convention",
+    "Which way the map's green channel points",
+    NORMAL_NODE,
+    (
+        Value("OPENGL", "OpenGL", "Green points up (Y+), as in Blender"),
+        Value("DIRECTX", "DirectX", "Green points down (Y-)"),
+    ),
+)
+EXTENSION = Choice(
+    "extension",
+    "Extension",
+    "What is outside the map's own square of UVs",
+    IMAGE_NODE,
+    (
+        Value("REPEAT", "Repeat", "The map again: no edge"),
+        Value("EXTEND", "Extend", "The map's outermost texels; rendered by Blender's own nodes, from the edge on"),
+        Value("CLIP", "Clip", "Nothing: black; the edge is rendered by Blender's own nodes"),
+        Value("MIRROR", "Mirror", "The map mirrored; rendered by Blender's own nodes, from the edge on"),
+    ),
+    flag=("Repeats", "REPEAT"),
+    expected="REPEAT",
+)
+
+# By name, in the order of the dialog.
+CHOICES = {choice.name: choice for choice in (DISTRIBUTION, INTERPOLATION, CONVENTION, EXTENSION)}

@@ -1,0 +1,64 @@
+"""Sockets of the Glint BSDF are declared once: shader, operator and public function say the same of each."""
+
+import inspect
+import re
+from pathlib import Path
+
+import bpy
+import pytest
+
+from glint_addon import create_glint_material
+from glint_addon.nodes.glint_bsdf import COLOR, INPUTS, ROUGHNESS, STRENGTH, build
+from glint_addon.nodes.glint_lights import HINT_COUNT, output_names
+from glint_addon.nodes.glint_lights import build as build_lights
+
+SHADER = (Path(__file__).parents[2] / "osl" / "glint.osl").read_text(encoding="utf-8")
+SETTINGS = (COLOR, ROUGHNESS, STRENGTH)
+# Of 32-bit floats that Blender stores.
+STEP = 1e-6
+
+
+def shader_numbers(socket) -> list[float]:
+    """Default and, where the shader has them, lowest and highest value of the shader's input of that name."""
+    line = re.search(rf"^ *\w+ {socket.name} = (.*)\]\],$", SHADER, re.MULTILINE).group(1)
+    default = re.search(r"[\d.]+", line).group()
+    return [float(default), *(float(number) for number in re.findall(r"float (?:min|max) = ([\d.]+)", line))]
+
+
+@pytest.mark.parametrize("socket", [ROUGHNESS, STRENGTH], ids=lambda socket: socket.name)
+def test_the_shader_has_the_default_and_the_range_of_the_socket(socket):
+    assert shader_numbers(socket) == [socket.default, socket.low, socket.high]
+
+
+def test_the_shader_has_the_default_of_the_colour():
+    assert shader_numbers(COLOR) * 4 == list(COLOR.default)
+
+
+@pytest.mark.parametrize("socket", SETTINGS, ids=lambda socket: socket.name)
+def test_the_operator_offers_the_default_and_the_range_of_the_socket(registered, socket):
+    setting = bpy.ops.glint.add_material.get_rna_type().properties[socket.name.lower()]
+    default = list(setting.default_array) if setting.is_array else setting.default
+    expected = list(COLOR.default[:3]) if setting.is_array else socket.default
+    assert default == pytest.approx(expected, abs=STEP)
+    assert (setting.hard_min, setting.hard_max) == (socket.low, socket.high)
+    assert (setting.name, setting.description) == (socket.name, socket.setting_help)
+
+
+@pytest.mark.parametrize("socket", SETTINGS, ids=lambda socket: socket.name)
+def test_the_public_function_has_the_default_of_the_socket(socket):
+    default = inspect.signature(create_glint_material).parameters[socket.name.lower()].default
+    assert default == (socket.default[:3] if socket is COLOR else socket.default)
+
+
+def test_the_group_has_the_inputs_that_are_declared(scene):
+    items = [item for item in build().interface.items_tree if item.in_out == "INPUT"]
+    assert [(item.name, item.description) for item in items] == [(socket.name, socket.help) for socket in INPUTS]
+    ranges = {item.name: (item.min_value, item.max_value) for item in items if item.socket_type == "NodeSocketFloat"}
+    assert ranges == {socket.name: (socket.low, socket.high) for socket in (ROUGHNESS, STRENGTH)}
+
+
+def test_the_shader_has_an_input_for_each_output_of_the_lights(scene):
+    assert {item.name for item in build_lights().interface.items_tree} == set(output_names())
+    assert len(output_names()) == 3 * HINT_COUNT + 2
+    for name in output_names():
+        assert re.search(rf"(?:float|vector) {name.replace(' ', '')} = ", SHADER), name
