@@ -19,6 +19,7 @@ from ..lights.hint import Hint
 from ..lights.irradiance import irradiances
 from ..lights.kinds import kind_of, may_change_cone, may_change_size
 from ..lights.softness import SOFT_HALF_ANGLE
+from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH
 from ..nodes.glint_lights import KIND_SUN
 from ..nodes.map_tables import MapTables
 from ..seen.coordinates import evaluated_mesh
@@ -85,7 +86,7 @@ def judgements(scene, views: SceneViews | None, objects, facets: Facets | None, 
 
 
 def _facets(node) -> Facets | None:
-    group, roughness, strength = node.node_tree, node.inputs["Roughness"], node.inputs["Strength"]
+    group, roughness, strength = node.node_tree, node.inputs[ROUGHNESS.name], node.inputs[STRENGTH.name]
     is_animated, tables = node.id_data.animation_data is not None, MapTables.of(group)
     if is_animated or roughness.is_linked or strength.is_linked or not tables.has_bounds:
         return None

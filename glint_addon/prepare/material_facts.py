@@ -7,11 +7,12 @@ import bpy
 from ..bake.float_image import is_whole
 from ..errors import GlintError
 from ..images import file_digest
-from ..nodes.glint_bsdf import group_binding
+from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH, group_binding
 from ..nodes.map_binding import map_of
 from ..nodes.script_node import osl_available
 from .stored_tables import remembered_tables
 
+VALUES = (ROUGHNESS.name, STRENGTH.name)  # sockets that say which lights facets can mirror
 BINDING_WORDS = ("Interpolation", "Convention", "Distribution", "UV map", "Extension")
 
 
@@ -86,7 +87,7 @@ def _values(material, group) -> str:
     nodes = [node for node in material.node_tree.nodes if getattr(node, "node_tree", None) == group]
     if material.node_tree.animation_data is not None:
         return ""
-    sockets = [node.inputs[name] for node in nodes for name in ("Roughness", "Strength") if name in node.inputs]
+    sockets = [node.inputs[name] for node in nodes for name in VALUES if name in node.inputs]
     return " ".join("" if socket.is_linked else f"{socket.default_value:.2g}" for socket in sockets)
 
 

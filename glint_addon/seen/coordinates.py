@@ -6,6 +6,8 @@ import bpy
 import numpy as np
 from mathutils import Euler
 
+from ..nodes.glint_bsdf import VECTOR
+
 # Part of a surface whose densities count for nothing, at either end: slivers, and the poles of a sphere's UV map.
 OUTERMOST_AREA = 0.01
 # A surface seen at an angle lengthens a footprint, also across a map squeezed there: by this at most (1 / cosine,
@@ -27,7 +29,7 @@ def uv_transforms(material, group) -> list[tuple[str, np.ndarray]] | None:
         if node.bl_idname != "ShaderNodeGroup" or node.node_tree is None:
             continue
         if node.node_tree == group:
-            socket = node.inputs.get("Vector")
+            socket = node.inputs.get(VECTOR.name)
             if socket is None:
                 return None
             # With nothing connected it is the active UV map, as for every texture.
