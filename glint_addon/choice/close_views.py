@@ -12,7 +12,7 @@ from ..nodes.map_tables import MapTables
 from ..seen.coordinates import largest_texel_area, uv_transforms
 from ..seen.footprints import FOOTPRINT_EXPONENT, FOOTPRINT_SCALE, rigid_mesh
 from ..seen.surface import pixels_filled
-from .reach import patches_over
+from .patches import patches_over
 
 # Samples a pixel that footprints are judged by: with more they are smaller still, with fewer hardly anybody renders.
 SAMPLES = 4

@@ -16,7 +16,8 @@ from ..nodes.glint_lights import set_of
 from ..nodes.map_binding import map_of
 from ..seen.scene_views import scene_views
 from .close_views import CLOSE_UP, is_close_up
-from .ranking import Choice, boxes_over, choose, noise_in_remainder
+from .noise import boxes_over, noise_in_remainder
+from .ranking import Choice, choose
 from .reach import facets_of, judgements
 
 SHARPEST = 0.01  # alpha that lights are ranked by where a material's roughness cannot be told

@@ -22,16 +22,15 @@ from ..lights.softness import SOFT_HALF_ANGLE
 from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH
 from ..nodes.glint_lights import KIND_SUN
 from ..nodes.map_tables import MapTables
-from ..seen.coordinates import evaluated_mesh
 from ..seen.scene_views import SceneViews
-from ..seen.surface import Patches, pixels_filled, surface_patches
+from ..seen.surface import pixels_filled
+from .half_vectors import meeting
+from .patches import patches_over
 
 # Half-width of the selected region in alpha: REGION in osl/light_hint.h.
 REGION = 2.5
 # For what the bounds leave out: normals between corners, the turn within a footprint, a camera moved a little.
 MARGIN = np.radians(3.0)
-# Half vectors turn ever faster as light and view become opposite: from here on all are reached.
-OPPOSITE = np.radians(170.0)
 DEVIATIONS = 3.0  # standard deviations of a map's slopes that its steepest facets are away from the flat
 FLATTEST = 1e-4  # slope: a map without facets still has rounding
 LEAST_ROUGHNESS = 1e-3  # of a facet: a mirror's glints have no finite noise
@@ -39,7 +38,7 @@ STEEPEST = np.radians(89.0)
 # Noise of the parts of a surface where a light looks small, relative to that where it is so large that there is next to
 # none, for the light not to be looked for.
 SMALL_NOISE = 0.1
-LEAST_SCALING = 1e-3  # relative change of an object's size over an animation that makes its patches others
+LEAST_SCALING = 1e-3  # relative change of a light's size over an animation that makes its noise another
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def facets_of(nodes) -> Facets | None:
 
 @dataclass(frozen=True)
 class Judgement:
-    """reached: whether some facet mirrors the light to a camera; noise: as `lights.choice.noise_in_remainder`, of what
+    """reached: whether some facet mirrors the light to a camera; noise: as `noise.noise_in_remainder`, of what
     a camera sees of the object, with the chance that the map has facets which mirror the light; is_soft: whether at
     every frame next to all of it is where the light looks larger than SOFT_HALF_ANGLE."""
 
@@ -97,30 +96,6 @@ def _facets(node) -> Facets | None:
     return Facets(max(slope, FLATTEST), max(min(roughness.default_value, 1.0), LEAST_ROUGHNESS) ** 2)
 
 
-def patches_over(scene, thing, views: SceneViews) -> list[tuple[Patches, float]] | None:
-    """The patches of an object at each frame of `views`, with its largest ratio of scales; None if its shape or place
-    may be any. Found once."""
-    if thing not in views.surfaces:
-        views.surfaces[thing] = _patches_over(scene, thing, views.frames)
-    return views.surfaces[thing]
-
-
-def _patches_over(scene, thing, frames):
-    matrices = places(thing, frames) if has_rigid_box(thing) else None
-    depsgraph = next((layer.depsgraph for layer in scene.view_layers if layer.use), None)
-    mesh = evaluated_mesh(thing, depsgraph) if matrices is not None and depsgraph is not None else None
-    if mesh is None:
-        return None
-    scales = np.linalg.svd(matrices[:, :3, :3], compute_uv=False)
-    if scales.min() <= 0.0 or (np.ptp(scales, axis=0) > LEAST_SCALING * scales[0]).any():
-        return None
-    stretch = float(scales[0].max() / scales[0].min())
-    first, back = surface_patches(mesh, matrices[0]), np.linalg.inv(matrices[0])
-    if is_still(matrices):
-        return [(first, stretch)] * len(frames)
-    return [(first.moved(matrix @ back), stretch) for matrix in matrices]
-
-
 def _judgement(hint, views, moved, facets) -> Judgement:
     """Judge a light on an object, whose patches at each frame are `moved`."""
     lamps = _lamps(hint, views.frames)
@@ -135,7 +110,7 @@ def _judgement(hint, views, moved, facets) -> Judgement:
         rows = zip(camera[:1] if still else camera, lamps, moved, strict=False)
         gaps = []
         for view, matrix, (patches, stretch) in rows:
-            met = _met(hint, matrix, view, patches)
+            met = meeting(hint, matrix, view, patches)
             gap = met.angle - np.arctan(stretch * facets.slope) - REGION * facets.alpha - met.blur - MARGIN
             gaps.append(gap[lit])
             deviations = _noise(hint, matrix, view, patches, met, facets)
@@ -169,33 +144,6 @@ def _lamps(hint, frames) -> np.ndarray | None:
     else:
         matrices[:, :3, 3] = [hint.middle(matrix) for matrix in matrices]
     return matrices
-
-
-@dataclass(frozen=True)
-class Met:
-    """How patches (n,) meet a light: angle [rad] between half vectors and the nearest shading normal, blur [rad] that
-    is half the light's angular radius, cosine of the light to the patch's normal on the camera's side."""
-
-    angle: np.ndarray
-    blur: np.ndarray
-    light_cosine: np.ndarray
-
-
-def _met(hint, matrix, view, patches) -> Met:
-    light, light_spread, half_angle = _directions(matrix, hint, patches)
-    sight, sight_spread = _sights(view, patches)
-    between = np.arccos(np.clip((light * sight).sum(axis=1), -1.0, 1.0)) + light_spread + sight_spread
-    half_vector = light + sight
-    half_vector /= np.maximum(np.linalg.norm(half_vector, axis=1, keepdims=True), 1e-12)
-
-    # A surface is seen from behind with its normal turned over. Half vectors turn by half the angle between lights,
-    # across the plane of incidence by 1 / (2 cos) of it.
-    cosine = np.abs((half_vector * patches.normals).sum(axis=1))
-    growth = 0.5 / np.cos(np.minimum(between, OPPOSITE) / 2)
-    angle = np.arccos(np.clip(cosine, 0.0, 1.0)) - patches.spreads - growth * (light_spread + sight_spread)
-    angle = np.where((between < OPPOSITE) & np.isfinite(angle), angle, 0.0)
-    sides = np.sign((sight * patches.normals).sum(axis=1))[:, None] * patches.normals
-    return Met(np.maximum(angle, 0.0), growth * half_angle, (light * sides).sum(axis=1))
 
 
 def _noise(hint, matrix, view, patches, met, facets) -> np.ndarray:
@@ -239,30 +187,3 @@ def _may_be_lit(hint, matrix, patches) -> np.ndarray:
         if lit.any():
             return lit
     return np.ones(len(patches.centres), bool)
-
-
-def _directions(matrix, hint, patches):
-    """Unit vectors to a light (n, 3), how far they differ on a patch (n,), angular radius of the light (n,) [rad]."""
-    count = len(patches.centres)
-    if hint.kind == KIND_SUN:
-        return np.tile(matrix[:3, 2], (count, 1)), np.zeros(count), np.full(count, hint.size)
-    offset = matrix[:3, 3] - patches.centres
-    distance = np.linalg.norm(offset, axis=1)
-    nearest = np.maximum(distance - patches.radii, 0.0)
-    return offset / np.maximum(distance, 1e-12)[:, None], _cone(patches.radii, distance), _cone(hint.size, nearest)
-
-
-def _sights(view, patches):
-    """Unit vectors to a camera (n, 3), how far they differ on a patch (n,) and over the lens [rad]."""
-    to_world = np.linalg.inv(view.inverse)
-    if not view.is_perspective:
-        return np.tile(to_world[:3, 2], (len(patches.centres), 1)), np.zeros(len(patches.centres))
-    offset = to_world[:3, 3] - patches.centres
-    distance = np.linalg.norm(offset, axis=1)
-    return offset / np.maximum(distance, 1e-12)[:, None], _cone(patches.radii + view.aperture, distance)
-
-
-def _cone(radius, distance):
-    """Half-angle [rad] of balls at some distance: all around from within."""
-    is_outside = distance > radius
-    return np.where(is_outside, np.arcsin(np.where(is_outside, radius / np.maximum(distance, 1e-12), 0.0)), np.pi)
