@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from .motion import is_fixed
@@ -12,14 +10,6 @@ from .poses import poses
 # Constraints that move nothing by themselves: what holds them still holds the object still.
 STILL_CONSTRAINTS = {"TRACK_TO", "DAMPED_TRACK", "LOCKED_TRACK", "COPY_LOCATION", "COPY_ROTATION", "COPY_SCALE",
                      "COPY_TRANSFORMS", "LIMIT_LOCATION", "LIMIT_ROTATION", "LIMIT_SCALE", "LIMIT_DISTANCE", "CHILD_OF"}
-
-
-@dataclass(frozen=True)
-class Posed:
-    """A light object where it is at one frame. matrix_world: (4, 4), as numbers of `mathutils` have it."""
-
-    data: object
-    matrix_world: object
 
 
 def places(thing, frames) -> np.ndarray | None:

@@ -54,8 +54,8 @@ def _texels_a_footprint(scene, views, thing, materials, groups) -> float:
     largest = 0.0
     for camera in views.cameras:
         for view, (patches, _) in zip(camera, surface, strict=True):
-            pixels, is_in_frame = pixels_filled(view, patches)
-            texels = max(densities) * patches.areas[is_in_frame].sum()
+            pixels, is_in_picture = pixels_filled(view, patches)
+            texels = max(densities) * patches.areas[is_in_picture].sum()
             if texels > 0.0:
-                largest = max(largest, texels / max(pixels[is_in_frame].sum(), 1e-30) * pixels_a_footprint)
+                largest = max(largest, texels / max(pixels[is_in_picture].sum(), 1e-30) * pixels_a_footprint)
     return largest

@@ -12,9 +12,10 @@ import numpy as np
 
 from ..animation.curves import peak_value
 from ..animation.motion import has_fixed_box, has_rigid_box, is_fixed
-from ..animation.places import Posed, is_still, places
+from ..animation.places import is_still, places
 from ..lights.hint import Hint
 from ..lights.irradiance import irradiance
+from ..lights.kind import lamp_at
 from ..lights.kinds import may_change_power
 from ..nodes.glint_lights import KIND_SUN
 
@@ -97,9 +98,7 @@ def _places_of(hint, frames) -> np.ndarray | None:
 
 def _noise_at(hint, matrix, low, high, energy, alpha):
     """`noise_in_remainder` of boxes (n, 3) under the light at one place, `matrix` (4, 4)."""
-    from mathutils import Matrix
-
-    power = irradiance(Posed(hint.source.data, Matrix(matrix)), low, high, energy)
+    power = irradiance(lamp_at(hint.source, matrix), low, high, energy)
     half_angle = hint.size
     if hint.kind != KIND_SUN and len(low):
         distance = np.linalg.norm(np.clip(matrix[:3, 3], low, high) - matrix[:3, 3], axis=1).min()

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
-from mathutils import Matrix
 
 from ..animation.curves import peak_value
 from ..animation.motion import has_rigid_box
-from ..animation.places import Posed, is_still, places
+from ..animation.places import is_still, places
 from ..lights.hint import Hint
 from ..lights.irradiance import irradiances
+from ..lights.kind import lamp_at
 from ..lights.kinds import kind_of, may_change_cone, may_change_size
 from ..lights.softness import SOFT_HALF_ANGLE
 from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH
@@ -156,8 +156,8 @@ def _noise(hint, matrix, view, patches, met, facets) -> np.ndarray:
     power = hint.power if hint.object is None or hint.object.type != "LIGHT" else _patch_powers(hint, matrix, patches)
     variance = density * (power / np.hypot(facets.alpha, met.blur)) ** 2 * (met.light_cosine > -np.sin(patches.spreads))
 
-    pixels, is_in_frame = pixels_filled(view, patches)
-    pixels = pixels * is_in_frame if (pixels * is_in_frame).any() else pixels
+    pixels, is_in_picture = pixels_filled(view, patches)
+    pixels = pixels * is_in_picture if (pixels * is_in_picture).any() else pixels
     return np.sqrt(variance * pixels / max(pixels.sum(), 1e-30))
 
 
@@ -165,8 +165,7 @@ def _is_soft(hint, matrix, patches, deviations) -> bool:
     """Whether next to all of a light's noise is on patches that see it as large as lights that are not looked for."""
     if hint.object is None or hint.object.type != "LIGHT" or hint.kind == KIND_SUN:
         return False  # suns are as large everywhere, and of meshes only the bounds are known here
-    section = kind_of(hint.object).cross_section(Posed(hint.object.data, Matrix(matrix)))
-    radius = np.sqrt(section / np.pi)
+    radius = np.sqrt(kind_of(hint.object).cross_section(lamp_at(hint.object, matrix)) / np.pi)
     is_far = np.linalg.norm(matrix[:3, 3] - patches.centres, axis=1) > radius / np.sin(SOFT_HALF_ANGLE)
     noise = float(np.linalg.norm(deviations))
     return noise > 0.0 and float(np.linalg.norm(deviations[is_far])) <= SMALL_NOISE * noise
@@ -174,7 +173,7 @@ def _is_soft(hint, matrix, patches, deviations) -> bool:
 
 def _patch_powers(hint, matrix, patches, part=0.5) -> np.ndarray:
     """Irradiance [W/m^2] of a light object on each patch, (n,); part: of the balls' radii that the patches fill."""
-    lamp = Posed(hint.object.data, Matrix(matrix))
+    lamp = lamp_at(hint.object, matrix)
     half = part * patches.radii[:, None]
     return irradiances(lamp, patches.centres - half, patches.centres + half, peak_value(lamp.data, "energy"))
 

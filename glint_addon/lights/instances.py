@@ -11,12 +11,12 @@ from __future__ import annotations
 from mathutils import Matrix
 
 from ..animation.curves import is_animated
-from ..animation.places import Posed
 from ..nodes.glint_lights import KIND_SUN
 from .copies import Copy, copies, matrices_over, may_move
 from .emitters import mesh_hint, shine, shines
 from .emitters import reason_to_skip as reason_to_skip_mesh
 from .hint import Hint, Instance, Pose
+from .kind import lamp_at
 from .lamps import lamp_hint
 from .lamps import reason_to_skip as reason_to_skip_lamp
 from .receivers import lit_objects, world_bounds
@@ -44,7 +44,7 @@ class _Finder:
             return
         boxes = self.boxes[source]
         if source.type == "LIGHT":
-            self.hints.append(lamp_hint(name, Posed(source.data, matrix), boxes, instance=instance))
+            self.hints.append(lamp_hint(name, lamp_at(source, matrix), boxes, instance=instance))
             return
         found = self.shines[source]
         if found is not None:
@@ -57,7 +57,7 @@ class _Finder:
         if source.type != "LIGHT":
             hint = mesh_hint("", matrix, self.shines[source], self.boxes[source])
             return Pose(frame, hint.middle(matrix), hint.size)
-        hint = lamp_hint("", Posed(source.data, matrix), self.boxes[source])
+        hint = lamp_hint("", lamp_at(source, matrix), self.boxes[source])
         place = matrix.col[2].to_3d().normalized() if hint.kind == KIND_SUN else matrix.translation
         return Pose(frame, tuple(place), hint.size)
 

@@ -1,15 +1,31 @@
 """What there is to know of one kind of Blender's lights: what `lights.kinds` says of each.
 
-`lamp` is a light object, or anything with its data and matrix_world (`animation.places.Posed`); lengths are in metres,
-angles in radians.
+`lamp` is a light object, or a `PlacedLamp` in its stead; lengths are in metres, angles in radians.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import bpy
+from mathutils import Matrix
 
 from ..nodes.driven import Driven
 from .driven_matrix import DrivenMatrix
+
+
+@dataclass(frozen=True)
+class PlacedLamp:
+    """A light object as it is where another matrix puts it: at another frame, or as a copy."""
+
+    data: bpy.types.Light
+    matrix_world: Matrix
+
+
+def lamp_at(lamp, matrix) -> PlacedLamp:
+    """Light object `lamp` where its world matrix is `matrix`, (4, 4)."""
+    return PlacedLamp(lamp.data, Matrix(matrix))
 
 
 class Kind(ABC):

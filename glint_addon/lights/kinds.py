@@ -1,8 +1,8 @@
 """The kinds of Blender's lights: all that Glint knows of a sun, a point, a spot and an area light, in one table.
 
 What is read of a light in Python, to rank lights, stands beside the driver that follows it; a test compares the two for
-every kind. `lamp` is a light object, or anything with its data and matrix_world (`animation.places.Posed`). Sizes,
-areas and cones are those of Cycles (scene/light.cpp), lengths in metres, angles in radians.
+every kind. `lamp` is a light object, or a `PlacedLamp` in its stead. Sizes, areas and cones are those of Cycles
+(scene/light.cpp), lengths in metres, angles in radians.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ KINDS: dict[str, Kind] = {"SUN": Sun(), "POINT": Point(), "SPOT": Spot(), "AREA"
 
 
 def kind_of(lamp) -> Kind:
-    """The kind of a light object, or of anything with its data."""
+    """The kind of a light object."""
     return KINDS[lamp.data.type]
 
 

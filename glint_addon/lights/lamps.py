@@ -64,7 +64,7 @@ def reason_to_skip(lamp) -> str:
 
 
 def lamp_hint(name, lamp, boxes, **where) -> Hint:
-    """The hint of light object `lamp`, or of anything with its data and matrix_world; where: its object or instance."""
+    """The hint of light object `lamp`, or of a `PlacedLamp`; where: its object or instance."""
     kind = kind_of(lamp)
     power = irradiance(lamp, *boxes, peak_value(lamp.data, "energy"))
     return Hint(name, KIND_SUN if kind.is_distant else KIND_LOCAL, power, kind.size(lamp), **where)

@@ -42,7 +42,7 @@ def _reach_name(slot):
     return f"Reach {slot}"
 
 
-def _turned_name(slot):
+def _shifted_name(slot):
     return f"Shifted {slot}"
 
 
@@ -64,7 +64,7 @@ def _add_nodes(group, slot):
     for node, part in ((shift, SHIFT), (reach, REACH)):
         for axis, socket in enumerate(node.inputs):
             write_number(socket, context_number(set_of(group), slot, part + axis))
-    shifted = builder.add_math(group, "ADD", light, shift.outputs["Vector"], label=_turned_name(slot), vector=True)
+    shifted = builder.add_math(group, "ADD", light, shift.outputs["Vector"], label=_shifted_name(slot), vector=True)
     time = _time(group)
     moved = builder.add_math(group, "MULTIPLY_ADD", reach.outputs["Vector"], STILL if time is None else time, shifted,
                              label=_moved_name(slot), vector=True)
@@ -77,7 +77,7 @@ def _remove_nodes(group, slot):
     light = _node(group, light_name(slot)).outputs["Vector"]
     for link in list(_node(group, _moved_name(slot)).outputs["Vector"].links):
         group.links.new(light, link.to_socket)
-    for name in (_shift_name, _reach_name, _turned_name, _moved_name):
+    for name in (_shift_name, _reach_name, _shifted_name, _moved_name):
         node = _node(group, name(slot))
         for socket in node.inputs if name in (_shift_name, _reach_name) else ():
             write_number(socket, 0.0)  # takes its driver away

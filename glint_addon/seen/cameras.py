@@ -64,7 +64,7 @@ def camera_views(camera, scene, frames) -> list[CameraView] | None:
     if matrices is None:
         return None
     is_perspective = data.type == "PERSP"
-    low, high = _frame_bounds(data, scene)
+    low, high = _picture_bounds(data, scene)
     half = MARGIN * (high - low).max() / 2
     farthest = np.maximum(np.abs(low), np.abs(high))
     aperture, focus = _aperture_and_focus(data)
@@ -89,7 +89,7 @@ def all_camera_views(scene, frames) -> list[list[CameraView]]:
     return [] if None in views else views
 
 
-def _frame_bounds(data, scene) -> tuple[np.ndarray, np.ndarray]:
+def _picture_bounds(data, scene) -> tuple[np.ndarray, np.ndarray]:
     """Low and high corner (2,) of the picture in camera space, for a perspective camera at depth 1."""
     corners = np.array([corner[:] for corner in data.view_frame(scene=scene)])
     if data.type == "PERSP":

@@ -68,11 +68,11 @@ def surface_patches(mesh, matrix) -> Patches:
 
 
 def pixels_filled(view: CameraView, patches: Patches) -> tuple[np.ndarray, np.ndarray]:
-    """About how many pixels of a camera each patch (n,) fills, if nothing hides it; whether it is in the frame."""
+    """About how many pixels of a camera each patch (n,) fills, if nothing hides it; whether it is in the picture."""
     places = patches.centres @ view.inverse[:3, :3].T + view.inverse[:3, 3]
     normals = patches.normals @ view.inverse[:3, :3].T
     depth = -places[:, 2:] if view.is_perspective else np.ones((len(places), 1))
-    is_in_frame = ((places[:, :2] >= view.low * depth) & (places[:, :2] <= view.high * depth)).all(axis=1)
+    is_in_picture = ((places[:, :2] >= view.low * depth) & (places[:, :2] <= view.high * depth)).all(axis=1)
     if view.is_perspective:
         distance = np.maximum(np.linalg.norm(places, axis=1), 1e-12)
         shown = -(places * normals).sum(axis=1) / distance**3
@@ -81,7 +81,7 @@ def pixels_filled(view: CameraView, patches: Patches) -> tuple[np.ndarray, np.nd
     reach = patches.radii[:, None]
     is_within = ((places - reach).min(axis=0) < 0.0).all() and ((places + reach).max(axis=0) > 0.0).all()
     shown = np.maximum(shown, 0.0) if patches.are_closed and not is_within else np.abs(shown)
-    return patches.areas * shown / view.pixel**2, is_in_frame & (places[:, 2] < 0.0)
+    return patches.areas * shown / view.pixel**2, is_in_picture & (places[:, 2] < 0.0)
 
 
 def is_closed(mesh) -> bool:
