@@ -148,11 +148,6 @@ def kind_of(lamp) -> Kind:
     return KINDS[lamp.data.type]
 
 
-def light_size(lamp) -> float:
-    """Half-angle [rad] of a sun; bounding radius [m] of any other light object."""
-    return kind_of(lamp).size(lamp)
-
-
 def may_change_size(data) -> bool:
     """Whether anything animates how large the light is whose data are `data`: lamps', or an emissive object's."""
     return _any_animated(data, "sizes")

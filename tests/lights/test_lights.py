@@ -14,7 +14,7 @@ from mathutils import Vector
 from glint_addon.errors import SceneError
 from glint_addon.lights.drivers import connect_hints
 from glint_addon.lights.hint import Hint
-from glint_addon.lights.kinds import light_size
+from glint_addon.lights.kinds import kind_of
 from glint_addon.lights.shutter import shutter_ways
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.glint_lights import HINT_COUNT, KIND_LOCAL, KIND_SUN
@@ -164,7 +164,7 @@ def test_sizes_of_scaled_lights_are_those_of_cycles(stage, kind, settings, expec
     group = connected(stage)
     place, shape = slot_values(group, 1)
     assert shape[:2] == pytest.approx([KIND_SUN if kind == "SUN" else KIND_LOCAL, expected], rel=SIZE_TOLERANCE)
-    assert light_size(lamp) == pytest.approx(expected, rel=SIZE_TOLERANCE)
+    assert kind_of(lamp).size(lamp) == pytest.approx(expected, rel=SIZE_TOLERANCE)
     assert place == pytest.approx((0, 0, 1) if kind == "SUN" else (0, 0, 5))
 
 
@@ -186,7 +186,7 @@ def test_the_radius_is_what_a_camera_sees_of_the_scaled_light(kind, shape):
     centres = (np.stack([columns, rows]) + 0.5) * pixel - width / 2
     furthest = np.hypot(*centres).max()
     # The furthest lit pixel centre lies within a pixel's diagonal of the edge.
-    assert light_size(lamp) - 1.5 * pixel < furthest < light_size(lamp) + 0.1 * pixel
+    assert kind_of(lamp).size(lamp) - 1.5 * pixel < furthest < kind_of(lamp).size(lamp) + 0.1 * pixel
 
 
 @pytest.mark.parametrize(
