@@ -1,18 +1,19 @@
 /* The 3D checker sin(x) sin(y) sin(z) < 0, and its mean over an elliptic Gaussian on the surface. */
 
-/* Footprints below this many radians (largest standard deviation along x, y, z) are averaged point by point, larger ones
- * by their Fourier series: there few of its terms are left. */
+/* A footprint below this many radians (largest standard deviation along x, y, z) is averaged over points, and a larger
+ * footprint by the Fourier series, which then has few terms. */
 #define POINTS_LIMIT 1.25
-/* A coordinate that varies less than this many radians meets one edge at most, which is blurred by itself. */
+/* A coordinate that varies less than this many radians meets one edge at most, and that edge is blurred by itself. */
 #define CONSTANT_LIMIT 0.08
-/* Beyond this many standard deviations from an edge the edge does not matter (0.6 % of the Gaussian). */
+/* An edge is ignored beyond this many standard deviations: 0.6 % of the Gaussian lie farther away. */
 #define EDGE_REACH 2.5
 /* Terms damped by more than exp(-REACH^2 / 2) = 1 % are left out. */
 #define SPECTRUM_REACH 3.0
-/* Harmonics of the coordinates that vary least, where two or three vary. */
-#define LAST_OF_TWO 31
-#define LAST_OF_THREE 19
-#define LAST_LONG_HARMONIC 63
+/* Highest harmonics of the coordinates that vary least, where two or three vary, and of the coordinate that varies
+ * most. */
+#define HIGHEST_OF_TWO 31
+#define HIGHEST_OF_THREE 19
+#define HIGHEST_HARMONIC 63
 #define SQUARE_WAVE 1.2732395447351628 /* 4 / pi: sign(sin x) = 4/pi sum over odd k of sin(k x) / k */
 
 /* Whether the point (radians) has color 1. */
@@ -65,8 +66,8 @@ float damped_wave(float phase, float p, float q, float x, float a, float b, int 
   float total = 0.0;
   if (reach > 0.0) {
     float half_range = sqrt(reach / square);
-    float last = min(along + half_range, float(LAST_LONG_HARMONIC));
-    for (int n = odd_from(max(along - half_range, -float(LAST_LONG_HARMONIC))); n <= last; n += 2) {
+    float highest = min(along + half_range, float(HIGHEST_HARMONIC));
+    for (int n = odd_from(max(along - half_range, -float(HIGHEST_HARMONIC))); n <= highest; n += 2) {
       float u = p + n * a;
       float w = q + n * b;
       float angle = phase + n * x;
@@ -77,11 +78,11 @@ float damped_wave(float phase, float p, float q, float x, float a, float b, int 
 }
 
 /* Mean of sign(sin x) sign(sin y) sign(sin z) by the Fourier series of the three square waves: a wave of frequency
- * (k, l, m) is damped by exp(-|k g_x + l g_y + m g_z|^2 / 2), where g_x = (long_axis.x, short_axis.x), and so on.
- * So the share is right for waves in step too (a diagonal plane), where the means of the three waves are not. */
+ * (k, l, m) is damped by exp(-|k g_x + l g_y + m g_z|^2 / 2), where g_x = (long_axis.x, short_axis.x), and so on. The
+ * series is also right where the three waves are in step (a diagonal plane), where a product of their means is not. */
 float checker_wave_mean(point x, vector long_axis, vector short_axis)
 {
-  /* Sort the axes: the one that varies most last; those that hardly vary become a factor. */
+  /* Sort the axes, so that the axis of the largest spread comes at the end; axes that hardly vary become a factor. */
   vector spread = vector(hypot(long_axis[0], short_axis[0]), hypot(long_axis[1], short_axis[1]),
                          hypot(long_axis[2], short_axis[2]));
   int axes[3];
@@ -104,30 +105,30 @@ float checker_wave_mean(point x, vector long_axis, vector short_axis)
     }
   }
 
-  int last = axes[count - 1];
+  int widest = axes[count - 1];
   float mean = 0.0;
   if (count == 1) {
     /* sin X, of which damped_wave sums both signs of n. */
-    mean = 0.5 * SQUARE_WAVE * damped_wave(0.0, 0.0, 0.0, x[last], long_axis[last], short_axis[last], 1);
+    mean = 0.5 * SQUARE_WAVE * damped_wave(0.0, 0.0, 0.0, x[widest], long_axis[widest], short_axis[widest], 1);
   }
   else {
     /* sin X sin Y = -1/2 sum of s cos(X + s Y); sin X sin Y sin Z = -1/4 sum of s t sin(X + s Y + t Z), s, t = +-1. */
     int first = axes[0];
     int second = axes[1];
-    int last_harmonic = count == 2 ? LAST_OF_TWO : LAST_OF_THREE;
-    for (int k = 1; k <= last_harmonic; k += 2) {
+    int highest_harmonic = count == 2 ? HIGHEST_OF_TWO : HIGHEST_OF_THREE;
+    for (int k = 1; k <= highest_harmonic; k += 2) {
       float phase = k * x[first];
       float p = k * long_axis[first];
       float q = k * short_axis[first];
       if (count == 2) {
         mean -= 0.5 * SQUARE_WAVE * SQUARE_WAVE / k *
-                damped_wave(phase, p, q, x[last], long_axis[last], short_axis[last], 0);
+                damped_wave(phase, p, q, x[widest], long_axis[widest], short_axis[widest], 0);
       }
       else {
-        for (int l = -last_harmonic; l <= last_harmonic; l += 2) {
+        for (int l = -highest_harmonic; l <= highest_harmonic; l += 2) {
           mean -= 0.25 * SQUARE_WAVE * SQUARE_WAVE * SQUARE_WAVE / (k * l) *
-                  damped_wave(phase + l * x[second], p + l * long_axis[second], q + l * short_axis[second], x[last],
-                              long_axis[last], short_axis[last], 1);
+                  damped_wave(phase + l * x[second], p + l * long_axis[second], q + l * short_axis[second], x[widest],
+                              long_axis[widest], short_axis[widest], 1);
         }
       }
     }
@@ -138,7 +139,7 @@ float checker_wave_mean(point x, vector long_axis, vector short_axis)
 /* Share of color 1 in a Gaussian around x (radians) whose standard deviations are the two vectors. */
 float checker_share(point x, vector long_axis, vector short_axis)
 {
-  /* Look only as closely as edges are near. */
+  /* Find out whether an edge is near. */
   float largest = 0.0;
   int near_edge = 0;
   int on_edge = 0;
@@ -149,7 +150,7 @@ float checker_share(point x, vector long_axis, vector short_axis)
     on_edge = on_edge || (spread < CONSTANT_LIMIT && sin(x[i]) == 0.0);
   }
   if (on_edge) {
-    return 0.0; /* a plane at z = 0: the product is 0, which is color 2 */
+    return 0.0; /* as on a plane at z = 0: the product of sines is 0, which is color 2 */
   }
   if (!near_edge) {
     return checker_is_first(x);

@@ -1,12 +1,12 @@
-/* Why a sample left before the query; the second number of the output Costs. 0: it did not. */
+/* Why a sample was answered without a query of the map: the second number of the output Costs. */
 
-#define LEFT_NOT 0
+#define LEFT_NOT 0          /* the map was queried */
 #define LEFT_NO_HINT 1      /* no hinted light, no table, or too few closures: known before the render */
-#define LEFT_NO_TABLE 2     /* table missing, damaged or shrunk */
-#define LEFT_NO_TANGENT 3   /* mesh without tangents of the UV map */
+#define LEFT_NO_TABLE 2     /* the table is missing, damaged or shrunk */
+#define LEFT_NO_TANGENT 3   /* the mesh has no tangents of the UV map */
 #define LEFT_SECONDARY 4    /* shadow ray, or after a diffuse bounce without Caustics */
 #define LEFT_FLAT 5         /* Strength 0 */
-#define LEFT_NO_FOOTPRINT 6 /* UVs without derivatives */
-#define LEFT_WITHIN_TEXEL 7 /* footprint within a texel (Closest) or patch (Linear) */
+#define LEFT_NO_FOOTPRINT 6 /* the UVs have no derivatives */
+#define LEFT_WITHIN_TEXEL 7 /* the footprint lies within a texel (Closest) or patch (Linear) */
 #define LEFT_NOT_REACHED 8  /* no normal of the map mirrors a hinted light here */
-#define LEFT_EDGE 9         /* outside a map that does not repeat, or at its edge */
+#define LEFT_EDGE 9         /* the footprint meets the edge of a map that does not repeat, or lies outside */

@@ -1,10 +1,11 @@
-/* Maps that do not repeat: outside such a map, and where a footprint meets its edge, Blender's own nodes are the answer,
- * whatever the Image Texture node does there (Extend, Clip, Mirror). It is noisy, and a footprint wide. */
+/* Maps that do not repeat (Extend, Clip, Mirror): outside such a map, and where a footprint meets the map's edge, the
+ * answer is that of Blender's own nodes, with their noise. */
 
-/* Texels around the footprint that its elements may reach: a bilinear patch reaches half a texel beyond its middle. */
+/* Texels by which elements of a footprint may reach beyond it: a bilinear patch reaches half a texel beyond its
+ * middle. */
 #define EDGE_MARGIN 1.0
 
-/* Whether the footprint at UV coordinates is not all within the map. */
+/* Whether a part of the footprint at UV coordinates lies outside the map. */
 int meets_edge(Map map, point uv, float samples, float du_dx, float du_dy, float dv_dx, float dv_dy)
 {
   float u = uv[0] * map.width;

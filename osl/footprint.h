@@ -1,23 +1,20 @@
-/* The part of the texture that one sample answers for: an ellipse around the hit point, in texels. */
+/* The footprint of one sample: the ellipse of texels around the hit point whose glints the sample shows. */
 
-/* Footprint radius in pixels = scale / samples^exponent. A wide footprint blurs the pixel filter (error ~ radius^2), a
- * narrow one leaves holes between the samples. Fitted to the radii of least error for Blackman-Harris 1.5 pixels and
- * scrambled Sobol points: 1.1, 0.9, 0.7, 0.5, 0.35, 0.25 pixels at 1, 4, 16, 64, 256, 1024 samples; the error of a
- * single glint is then 10, 42, 23, 13, 7, 3 % of it: benchmarks/footprint_law.py. (Cycles takes its first sample at the
- * pixel's centre, which is why one sample does so well.) */
+/* Footprint radius in pixels = scale / samples^exponent. A wide footprint blurs the pixel filter (error ~ radius^2),
+ * and narrow footprints leave holes between the samples: decision 1. */
 #define FOOTPRINT_SCALE 1.1
 #define FOOTPRINT_EXPONENT 0.21
 /* Least sine of the angle between the axes of the UVs: rounding of float32 leaves nothing of a flatter one. */
 #define LEAST_AXES_SINE 1e-6
-/* Stretch at grazing angles ends where a pixel sees ten thousand times its own width. */
+/* Least cosine of view and normal: a pixel then shows a stretch of surface ten thousand times as long as the pixel is
+ * wide. */
 #define LEAST_COSINE 1e-4
-/* After a diffuse bounce the light of a whole wall meets in one point. Any footprint on the wall has the same expectation,
- * for elements are judged with the view that each has of that point, so it may be wider than the ray's cone, which Cycles
- * makes no wider than the camera's pixel. Texels of the footprint; worst of 16 pictures of 64 samples, bumps of slope 0.08
- * and roughness 0.1, against 6.2 of Blender's nodes: 2.9 with 16, 2.5 with 64, 2.5 with 256, which takes twice the time. */
+/* Texels of a footprint after a diffuse bounce: decision 2. There the light of a whole wall meets in one point.
+ * Footprints of all sizes on the wall have the same expectation, because each element is tested with its own view of
+ * that point. So a footprint may be wider than the ray's cone, which Cycles makes no wider than the camera's pixel. */
 #define CAUSTIC_AREA 64.0
-/* Its radius as seen from that point, at most: what a linear turn of the view leaves out grows with the square. Measured
- * with texels of 6 cm, 2 m away: light within noise with 0.05 and 0.1, -1.2 % with 0.2, -3 % without a bound. */
+/* Largest angular radius [rad] of such a footprint as seen from that point: the view turns linearly over a footprint
+ * only to first order, and the light that is lost grows with the square of the radius: decision 3. */
 #define CAUSTIC_ANGLE 0.05
 
 struct Footprint {
@@ -32,20 +29,20 @@ struct Footprint {
   float yu;
   float yv;
   float area;        /* texels */
-  float long_axis;   /* texels, semi-axis */
+  float long_axis;   /* texels, semi-axes */
   float short_axis;
 };
 
-/* Radius in pixels that one of `samples` samples covers. */
+/* Radius in pixels of the footprint of one of `samples` samples a pixel. */
 float footprint_radius(float samples)
 {
   return FOOTPRINT_SCALE * pow(max(samples, 1.0), -FOOTPRINT_EXPONENT);
 }
 
-/* Footprint from the ray cone. texel_dx, texel_dy: change of the texel coordinates per Dx(P), Dy(P).
+/* Footprint of a ray cone. radius: in pixels; du_dx and so on: change of the texel coordinates per Dx(P), Dy(P).
  * Cycles gives Dx(P), Dy(P) as an orthonormal pair times the cone's radius, without the stretch of a surface seen at
  * an angle; with q = (I - (I.Ng) Ng) / (I.Ng) in that basis the pixel covers r^2 (1 + q q^T).
- * Returns 0 if there is none (no UV derivatives, or UVs without area). */
+ * Returns 0 where the UVs have no derivatives or no area. */
 int ray_footprint(vector dpdx, vector dpdy, vector view, vector geometric_normal, float radius,
                   float du_dx, float du_dy, float dv_dx, float dv_dy, output Footprint footprint)
 {
@@ -85,7 +82,7 @@ int ray_footprint(vector dpdx, vector dpdy, vector view, vector geometric_normal
   return footprint.long_axis < 1e9 && product > 0.0;
 }
 
-/* The same footprint, `scale` as wide. */
+/* Make a footprint `scale` times as wide. */
 void scale_footprint(float scale, output Footprint footprint)
 {
   footprint.ux *= scale;
@@ -97,13 +94,13 @@ void scale_footprint(float scale, output Footprint footprint)
   footprint.short_axis *= scale;
 }
 
-/* How much wider a footprint, `radius` metres wide, may be after a diffuse bounce at `distance`, and is to be. */
+/* By how much to widen a footprint of radius `radius` [m] whose view comes from a diffuse bounce at `distance` [m]. */
 float caustic_scale(Footprint footprint, float radius, float distance)
 {
   return min(sqrt(CAUSTIC_AREA / footprint.area), CAUSTIC_ANGLE * distance / radius);
 }
 
-/* Kernel over the unit disk, t = x^2 + y^2: smooth and of finite support. Its integral is pi / 3. */
+/* Kernel over the unit disk, t = x^2 + y^2: smooth, and 0 from the rim on. Its integral is pi / 3. */
 float footprint_kernel(float t)
 {
   return t < 1.0 ? (1.0 - t) * (1.0 - t) : 0.0;
@@ -121,15 +118,16 @@ void footprint_sample(float a, float b, output float x, output float y)
   y *= r;
 }
 
-/* Whether an element of that weight is looked at: above `sure` always, below with the odds of its weight, and then with the
- * weight `sure`, so that sums keep their expectation. Systematic sampling (Madow 1949): elements that follow one another share
- * their odds. due: uniform in 0..1 before the first element. */
-int is_drawn(float sure, output float due, output float weight)
+/* Whether a sample visits an element of weight `weight`: always from the weight `sure` on; lighter elements with the
+ * probability weight / sure, and then with the weight `sure`, so that sums keep their expectation. Systematic sampling
+ * (Madow 1949): odds sums the probabilities of successive elements, and an element is drawn where the sum reaches 1.
+ * odds: uniform in 0..1 before the first element. */
+int is_drawn(float sure, output float odds, output float weight)
 {
   if (weight < sure) {
-    due += weight / sure;
-    weight = due >= 1.0 ? sure : 0.0;
-    due -= due >= 1.0;
+    odds += weight / sure;
+    weight = odds >= 1.0 ? sure : 0.0;
+    odds -= odds >= 1.0;
   }
   return weight > 0.0;
 }

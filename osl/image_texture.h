@@ -7,7 +7,8 @@
 /* Standard deviation of a bilinear look-up among box means, in that level's texels: tent 1/6 + box 1/12. */
 #define TAP_STD 0.5
 #define MAX_ANISOTROPY 16.0
-/* Taps along the long axis reach TAP_REACH standard deviations, TAP_SPACING standard deviations of a tap apart. */
+/* Taps along the long axis reach as far as TAP_REACH standard deviations, and lie TAP_SPACING standard deviations of a
+ * tap apart. */
 #define TAP_REACH 2.0
 #define TAP_SPACING 1.5
 
@@ -18,17 +19,17 @@ struct Pyramid {
   float atlas_width;
   float atlas_height;
   int encoded;     /* level 0 is sRGB-encoded */
-  int unassociate; /* straight colour is wanted from colour stored times alpha */
+  int unassociate; /* colour is stored times alpha, and straight colour is wanted */
   int clamp_v;     /* v ends at 0 and 1 instead of repeating */
 };
 
-/* Side of level `level`: half of the one below, rounded up, each time. */
+/* Side of level `level` in texels: each level has half the side of the level below, rounded up. */
 int level_side(int side, int level)
 {
   return (side + (1 << level) - 1) >> level;
 }
 
-/* Texel row of the atlas where `level` starts; level 0 has the left column for itself. */
+/* Texel row of the atlas where `level` starts. Level 0 lies alone on the left. */
 int level_row(Pyramid pyramid, int level)
 {
   int row = PYRAMID_BORDER;
@@ -64,7 +65,7 @@ Pyramid image_pyramid(int width, int height, int encoded, int unassociate, int c
   return pyramid;
 }
 
-/* Whether the atlas is there in full size. */
+/* Whether the atlas's file exists and was not shrunk. */
 int pyramid_is_whole(string file, Pyramid pyramid)
 {
   float magic;
@@ -90,7 +91,7 @@ color level_color(string file, Pyramid pyramid, int level, int row, float s, flo
   color result = texture(file, (column + x) / pyramid.atlas_width, (row + y) / pyramid.atlas_height, 0.0, 0.0, 0.0, 0.0,
                          "alpha", alpha);
   if (level == 0 && pyramid.encoded) {
-    /* As Cycles: interpolate first, then decode the straight colour. */
+    /* Interpolate first, then decode the straight colour, as Cycles does. */
     float divisor = pyramid.unassociate && alpha != 0.0 ? alpha : 1.0;
     result /= divisor;
     result = divisor * color(srgb_decoded(result[0]), srgb_decoded(result[1]), srgb_decoded(result[2]));
@@ -114,7 +115,7 @@ color filtered_color(string file, Pyramid pyramid, float s, float t, float long_
   int coarse = min(fine + 1, pyramid.level_count - 1);
   int coarse_row = level_row(pyramid, coarse);
 
-  /* Spread taps so that their spread and their own width make the long axis. */
+  /* Spread taps so that the variance of their places and of one tap add up to the long axis's. */
   float tap_std = TAP_STD * pow(2.0, depth);
   float spread = sqrt(max(long_std * long_std - tap_std * tap_std, 0.0));
   int half_count = int(ceil(TAP_REACH * spread / (TAP_SPACING * tap_std) - 0.25));

@@ -1,34 +1,35 @@
-/* Half vectors of the hinted lights: where on the hemisphere of normals the glints are. */
+/* Half vectors of the hinted lights. A hint says where a small light is, and a facet whose normal lies within the
+ * region around the light's half vector shows a glint of that light. */
 
 #define HINT_COUNT 8
 #define HINT_NONE 0.0
 #define HINT_SUN 1.0
 #define HINT_LOCAL 2.0
-/* Radius of the selected region in alpha: a Beckmann lobe keeps 0.2 % of its energy outside (exp(-2.5^2)), a GGX lobe 14 %;
- * what is left out stays in the remainder, without bias. Wider regions would need more cells. */
+/* Radius of the region in alpha: a Beckmann lobe has 0.2 % of its energy outside (exp(-2.5^2)), a GGX lobe 14 %, and
+ * the remainder shows this energy without bias. A wider region would need more cells. */
 #define REGION 2.5
-/* Beyond this radius (slope) a lobe is so wide that the plain material has no glints to lose. */
+/* Largest radius of a region (slope): a wider lobe shows no glints, because it blurs them. */
 #define LARGEST_REGION 0.8
-/* Largest region relative to how far the half vector is from the view's horizon (its cosine), and to how high the light
- * stands above the surface (its sine). Nearer to a horizon the lobe changes across the region faster than merged elements
- * can follow, and Cycles bends normals that reflect below the surface: measured with alpha 0.06 and a light of 4 degrees,
- * -3 % at 82 degrees, where the first is 2, and -13 % at 85, where it is 4; within 1 % at 75, where it is 0.9. */
+/* Largest radius of a region, relative to the cosine of view and half vector, and to the sine of the light's height
+ * above the surface. Near either horizon the lobe changes across the region faster than merged elements can follow, and
+ * Cycles bends normals that reflect below the surface, so light is lost: decision 36. */
 #define LARGEST_OF_VIEW 1.0
 #define LARGEST_OF_LIGHT 2.0
-/* Largest turn (slope) over half a texel: patches of texels longer than the view, on UVs squeezed nearly to a line, take
- * their turn from differences of large numbers (measured: -16 % at a turn of hundreds, within 1 % at one). */
+/* Largest turn (slope) over half a texel: on UVs squeezed nearly to a line, a turn is a difference of large numbers,
+ * and light is lost: decision 37. */
 #define LARGEST_TURN 2.0
 
-/* Largest turn (slope) within the footprint, which is made smaller where there is more: what is left out is quadratic.
- * Measured with a point lamp above a floor: at 1 cm 0.48 of the light without this bound, within noise of all with it.
- * Tighter bounds cost noise where nothing is wrong: at 0.3 m, 16 samples, 2 % with 0.1 and 0.6 % with 0.5. */
+/* Largest turn (slope) within the footprint, which is made smaller where the turn is larger: the turn is linear only to
+ * first order, and a near lamp's light is lost: decision 4. */
 #define LARGEST_FOOTPRINT_TURN 1.0
 
 /* Half-angle from which on a cone is a half-space: pi / 2, less than rounding. */
 #define FLAT_CONE 1.5707
 
-/* Slopes around a half vector: p = (n.t1, n.t2) / (n.h) for a normal n in world space, as three linear forms
- * on tangent-space normals: p = (n.f1, n.f2) / (n.f3) + offset in texels * (shift_u, shift_v). */
+/* Slopes around a half vector: p = (n.t1, n.t2) / (n.h) for a normal n in world space, as three linear forms on
+ * tangent-space normals: p = (n.f1, n.f2) / (n.f3) + offset in texels * (turn_u, turn_v). The turn is the change of a
+ * slope with the position on the surface, because the surface's normal, the view and the light change direction from
+ * texel to texel. */
 struct HalfVector {
   vector h;
   vector t1;
@@ -36,16 +37,16 @@ struct HalfVector {
   vector f1;
   vector f2;
   vector f3;
-  /* What a texel further means: its normal turns with the surface and its half vector with the view and the light. */
-  float shift_u1;
-  float shift_v1;
-  float shift_u2;
-  float shift_v2;
-  float radius;
-  float turn;        /* how far slopes turn from the footprint's middle to its edge */
-  float reach;       /* and a texel beyond */
-  float patch_turn;  /* and from a patch's middle to its corners */
-  /* How far a ball of normals spreads the three forms, relative to its radius. */
+  /* Turn per texel: change of slope 1 and slope 2 over one texel along u and v. */
+  float turn_u1;
+  float turn_v1;
+  float turn_u2;
+  float turn_v2;
+  float radius;      /* of the region (slope) */
+  float turn;        /* change of slope from the footprint's middle to its edge */
+  float reach;       /* change of slope from the footprint's middle to one texel beyond its edge */
+  float patch_turn;  /* change of slope from a patch's middle to its corners */
+  /* By how much the three forms differ within a ball of normals, relative to the ball's radius. */
   float ball_growth;
 };
 
@@ -66,9 +67,10 @@ float forms_norm(vector f1, vector f2)
   return sqrt(mean + hypot(0.5 * (dot(f1, f1) - dot(f2, f2)), dot(f1, f2)));
 }
 
-/* Whether a light can shine on the shading point: within its cone, whose half-angle is shape[2] (0: all around), around the
- * axis that points away from where it shines. Each point of a soft lamp has its own cone; one of FLAT_CONE is the front of
- * a flat lamp, all of which has the same front. Where the answer is no, the remainder carries the light without bias. */
+/* Whether a light can shine on the shading point: whether the point lies within the light's cone, whose half-angle is
+ * shape[2] (0: the light shines all around) and whose axis points against the direction in which the light shines. Each
+ * point of a soft lamp has its own cone, and a cone of FLAT_CONE is the half-space in front of a flat lamp. Where the
+ * light cannot shine, its hint is left out and the remainder shows it without bias: decision 38. */
 int shines_here(vector light, vector shape, vector axis)
 {
   if (shape[0] != HINT_LOCAL || !(shape[2] > 0.0)) {
@@ -83,7 +85,7 @@ int shines_here(vector light, vector shape, vector axis)
   return cone >= M_PI || dot(l, axis) > distance * cos(cone);
 }
 
-/* Half vector of one hint at the shading point; returns 0 if no glint of this light can be seen here. */
+/* Half vector of one hint at the shading point. Returns 0 if the hint is not used here. */
 int half_vector(vector light, vector shape, float region, NormalFrame frame, Footprint footprint,
                 vector dpdx, vector dpdy, float view_turn, output HalfVector hint)
 {
@@ -121,8 +123,8 @@ int half_vector(vector light, vector shape, float region, NormalFrame frame, Foo
 
   slope_axes(frame, hint);
 
-  /* Turn of the frame for the normals that matter, those near h, whose tangent-space normal is about f3; less the
-   * turn of the half vector: d(l + I) = -(across l / its distance) - (across I / its distance). */
+  /* Find the turn of the frame for normals near h, whose tangent-space normal is about f3, less the turn of the half
+   * vector: d(l + I) = -(across l / its distance) - (across I / its distance). */
   vector turn_dx = hint.f3[0] * frame.tangent_dx + hint.f3[1] * frame.bitangent_dx + hint.f3[2] * frame.upright_dx;
   vector turn_dy = hint.f3[0] * frame.tangent_dy + hint.f3[1] * frame.bitangent_dy + hint.f3[2] * frame.upright_dy;
   turn_dx += (light_turn * (dpdx - dot(dpdx, l) * l) + view_turn * (dpdx - dot(dpdx, I) * I)) / sum_length;
@@ -131,34 +133,35 @@ int half_vector(vector light, vector shape, float region, NormalFrame frame, Foo
   float dx2 = dot(turn_dx, hint.t2);
   float dy1 = dot(turn_dy, hint.t1);
   float dy2 = dot(turn_dy, hint.t2);
-  hint.shift_u1 = dx1 * footprint.xu + dy1 * footprint.yu;
-  hint.shift_v1 = dx1 * footprint.xv + dy1 * footprint.yv;
-  hint.shift_u2 = dx2 * footprint.xu + dy2 * footprint.yu;
-  hint.shift_v2 = dx2 * footprint.xv + dy2 * footprint.yv;
+  hint.turn_u1 = dx1 * footprint.xu + dy1 * footprint.yu;
+  hint.turn_v1 = dx1 * footprint.xv + dy1 * footprint.yv;
+  hint.turn_u2 = dx2 * footprint.xu + dy2 * footprint.yu;
+  hint.turn_v2 = dx2 * footprint.xv + dy2 * footprint.yv;
 
-  float shift_u = hypot(hint.shift_u1, hint.shift_u2);
-  float shift_v = hypot(hint.shift_v1, hint.shift_v2);
-  hint.turn = shift_u * hypot(footprint.ux, footprint.uy) + shift_v * hypot(footprint.vx, footprint.vy);
-  hint.reach = hint.turn + shift_u + shift_v;
-  hint.patch_turn = 0.5 * (shift_u + shift_v);
+  float turn_u = hypot(hint.turn_u1, hint.turn_u2);
+  float turn_v = hypot(hint.turn_v1, hint.turn_v2);
+  hint.turn = turn_u * hypot(footprint.ux, footprint.uy) + turn_v * hypot(footprint.vx, footprint.vy);
+  hint.reach = hint.turn + turn_u + turn_v;
+  hint.patch_turn = 0.5 * (turn_u + turn_v);
   hint.ball_growth = forms_norm(hint.f1, hint.f2) + (hint.radius + hint.reach) * length(hint.f3);
   return hint.patch_turn < LARGEST_TURN;
 }
 
-/* Whether any normal of a patch can lie in the region around h; errs on the side of yes. The ball holds the patch's
- * normals; the offset is that of its middle. */
+/* Whether any normal of a patch can lie in the region around h; in doubt yes. The ball (centre, ball) contains the
+ * patch's normals; the offset is that of the patch's middle. */
 int hint_reaches_ball(HalfVector hint, vector centre, float ball, float offset_u, float offset_v)
 {
   float along = dot(centre, hint.f3);
-  float x1 = dot(centre, hint.f1) + along * (offset_u * hint.shift_u1 + offset_v * hint.shift_v1);
-  float x2 = dot(centre, hint.f2) + along * (offset_u * hint.shift_u2 + offset_v * hint.shift_v2);
+  float x1 = dot(centre, hint.f1) + along * (offset_u * hint.turn_u1 + offset_v * hint.turn_v1);
+  float x2 = dot(centre, hint.f2) + along * (offset_u * hint.turn_u2 + offset_v * hint.turn_v2);
   float limit = (hint.radius + hint.patch_turn) * along + ball * hint.ball_growth;
   return limit > 0.0 && x1 * x1 + x2 * x2 < limit * limit;
 }
 
-/* Whether any normal whose slope lies between low and high can come within the region around h. The corners of that box span
- * it, so none can if all corners lie beyond the same side of a square around the region, or behind h's horizon: linear forms
- * tell that of corners on both sides of the horizon too. */
+/* Whether any normal whose slope lies between low and high can lie in the region around h. All normals of that box are
+ * convex combinations of its corners, so none lies in the region if all corners lie beyond the same side of a square
+ * around the region, or behind h's horizon. The test uses linear forms, so it holds for corners on both sides of the
+ * horizon too. */
 int map_reaches_hint(HalfVector hint, vector low, vector high)
 {
   float r = hint.radius + hint.reach;

@@ -1,4 +1,6 @@
-/* The glint lobe of one shading point: elements near the hinted lights' half vectors, and the remainder. */
+/* The glint lobe of one shading point: closures of the selected elements, and the remainder. The remainder is one
+ * normal drawn at random from the footprint, the normal at the hit point, unless that normal is among the selected
+ * elements: it stands for all elements that are not selected. */
 
 /* The bilinear patch around the hit point; Linear only. */
 Patch hit_patch(output Map map, Hit hit)
@@ -6,7 +8,7 @@ Patch hit_patch(output Map map, Hit hit)
   return map_patch(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
 }
 
-/* Look up the map at UV coordinates. Coordinates are taken within one repeat first: far UVs must not lose precision. */
+/* The map at UV coordinates, which are reduced to one repeat first, because large UVs would lose precision. */
 Hit map_hit(output Map map, point uv)
 {
   Hit hit;
@@ -15,41 +17,43 @@ Hit map_hit(output Map map, point uv)
   hit.i = floor(hit.u);
   hit.j = floor(hit.v);
   if (!map.is_linear) {
-    hit.own = map_own_normal(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
+    hit.unscaled = unscaled_normal(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
   }
   else if (hit.i >= 0 && hit.j >= 0 && hit.i + 1 < map.width && hit.j + 1 < map.height) {
     map.fetches += 1;
-    hit.own = table_between(map.table, map.inverse_padded_width, map.inverse_padded_height, hit.u + 0.5, hit.v + 0.5);
+    hit.unscaled = table_between(map.table, map.inverse_padded_width, map.inverse_padded_height, hit.u + 0.5,
+                                 hit.v + 0.5);
   }
   else {
-    /* Interpolate over the map's edge, where the padded table has other things. */
+    /* Interpolate across the map's edge from four texels, because the padded table continues with other values. */
     Map plain = map;
     plain.strength = 1.0;
     plain.kept = 0;
-    hit.own = patch_normal(hit_patch(plain, hit), hit.u - hit.i, hit.v - hit.j);
+    hit.unscaled = patch_normal(hit_patch(plain, hit), hit.u - hit.i, hit.v - hit.j);
     map.fetches = plain.fetches;
   }
-  hit.n = strengthened(hit.own, map.strength);
+  hit.n = strengthened(hit.unscaled, map.strength);
   return hit;
 }
 
-/* One patch under a footprint smaller than a texel: its slopes vary linearly there, so one closure is enough. */
+/* Closure of a footprint smaller than a texel (Linear): slopes vary linearly within it, so one closure is enough. */
 closure color patch_closure(string distribution, float alpha, Patch patch, Hit hit, NormalFrame frame,
                             Footprint footprint, HalfVector hint)
 {
-  HalfVector own = hint;
-  own.h = normalize(frame_to_world(frame, hit.n));
-  slope_axes(frame, own);
+  HalfVector around = hint;
+  around.h = normalize(frame_to_world(frame, hit.n));
+  slope_axes(frame, around);
   PatchSlopes slopes;
-  patch_slopes(own, patch, hit.i - hit.u, hit.j - hit.v, slopes);
+  patch_slopes(around, patch, hit.i - hit.u, hit.j - hit.v, slopes);
   float c11, c12, c22;
   float deviation = sqrt(KERNEL_VARIANCE);
   patch_covariance(slopes, hit.u - hit.i, hit.v - hit.j, deviation * footprint.ux, deviation * footprint.vx,
                    deviation * footprint.uy, deviation * footprint.vy, c11, c12, c22);
-  return glint_closure(distribution, own, alpha, 0, 0, c11, c12, c22);
+  return glint_closure(distribution, around, alpha, 0, 0, c11, c12, c22);
 }
 
-/* Sum of the closures of a selection; total is what its weights are relative to. */
+/* Sum of the closures of a selection and of the remainder. total: the sum to which the selection's weights are
+ * relative. */
 closure color selection_closures(string distribution, float alpha, HalfVector hints[8], int hint_count, Selection s,
                                  float total, float seed_1, float seed_2, closure color remainder, output int closures)
 {
@@ -74,7 +78,7 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
         c22 = max(s.cell_c22[k] / weight - p2 * p2, 0.0);
         w *= merged_reflection(hints[hint], alpha, p1, p2, c11, c12, c22);
       }
-      /* In this order: Cycles flattens sum + x only 16 deep and drops the rest. */
+      /* Add in this order: Cycles flattens sum + x only 16 deep and drops the rest. */
       sum = w * glint_closure(distribution, hints[hint], alpha, p1, p2, c11, c12, c22) + sum;
       closures += 1;
     }
@@ -82,8 +86,8 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
   return sum;
 }
 
-/* How much smaller a footprint is to be, 0..1. Elements are judged by a linear turn, so it goes no farther than that holds;
- * and where it has elements to spare, no farther than SPARE_TURN. */
+/* By how much to make a footprint smaller, 0..1: its turn is limited to LARGEST_FOOTPRINT_TURN, and to SPARE_TURN where
+ * it has more than LARGEST_VISIT elements. */
 float footprint_scale(HalfVector hints[8], int hint_count, float area, float samples)
 {
   float scale = 1.0;
@@ -97,10 +101,11 @@ float footprint_scale(HalfVector hints[8], int hint_count, float area, float sam
   return area > LARGEST_VISIT ? min(scale, max(spare, sqrt(LARGEST_VISIT / area))) : scale;
 }
 
-/* The lobe for colour 1. plain: the closure of the hit's own normal, which is the whole answer where no hinted light can
- * glint. lobes: how many share the closures of a shading point. lights, shapes: see light_hint.h; low, high: slope bounds
- * of the map, none where they are equal. diffuse_distance: to the diffuse bounce before this point, 0 if there was none.
- * left: why it is the answer (counters.h); hint_count: hints that the map answers here. */
+/* The lobe for colour 1. plain: the closure of the normal at the hit point, which is returned alone where no hinted
+ * light can show a glint. lobes: number of lobes that share the closures of a shading point. lights, shapes: see
+ * light_hint.h; low, high: slope bounds of the map, equal if unknown. diffuse_distance: to the diffuse bounce before
+ * this point, 0 if there was none. left: why `plain` is returned (counters.h); hint_count: number of hints that some
+ * element of the map can reach here. */
 closure color glint_lobe(string distribution, float alpha, int lobes, output Map map, vector low, vector high,
                          NormalFrame frame, Hit hit, vector lights[8], vector shapes[8], float samples,
                          float diffuse_distance, float du_dx, float du_dy, float dv_dx, float dv_dy,
@@ -126,7 +131,7 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
     return plain;
   }
 
-  /* Keep the hints that the map can answer here. */
+  /* Keep the hints that some normal of the map can reach here. */
   HalfVector hints[8];
   float region = REGION * alpha;
   int bounded = high[0] > low[0] || high[1] > low[1];
@@ -176,21 +181,19 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
     return patch_closure(distribution, alpha, hit_patch(map, hit), hit, frame, footprint, hints[0]);
   }
 
-  /* Far away counts of blocks, else the elements themselves. The remainder is the sample's own normal, unless it is
-   * among what they select. More normals, drawn from the footprint, gain nothing: error at 4 samples with 1, 2, 4, 8 in
-   * scenes of the benchmark lit mostly by what is not hinted: interreflection 1.24, 1.17, 1.20, 1.08 (its own spread 0.1),
-   * together 0.74, 0.71, 0.71, 0.71 in 1, 1.09, 1.12, 1.24 of the time. */
+  /* Choose between the counts, the index and visits. The remainder is one normal: more would gain nothing: decision
+   * 13. */
   Level level;
   Cells cells[8];
-  vector shift = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
+  vector random = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
   int is_selected = 0;
-  /* Counts, then the index, then, rather than a random subset, counts of blocks that are wide for the footprint; in a loop,
-   * because each call of a function is compiled anew. */
+  /* Try the counts, then the index, then, before a random subset, counts of wider blocks. The loop calls counts_serve
+   * at one place only, because OSL compiles each call of a function anew. */
   int is_searched = mode == MODE_ALL || mode == MODE_SUBSET;
   float widest = FAR_SIDE_FIRST;
   while (widest > 0.0) {
     if (map.visits > COUNTS_VISITS &&
-        counts_serve(map, hints, hint_count, lobes, alpha, footprint, widest, shift, level, cells)) {
+        counts_serve(map, hints, hint_count, lobes, alpha, footprint, widest, random, level, cells)) {
       mode = MODE_COUNTS;
     }
     else if (widest == FAR_SIDE_FIRST && is_searched && index_serves(map, footprint, hints, hint_count, hit.u, hit.v)) {
@@ -219,7 +222,7 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
   closure color sum = 0;
   if (mode == MODE_COUNTS) {
     sum = counts_closures(distribution, alpha, map, level, hints, hint_count, peak_parts(hint_count * lobes), cells,
-                          footprint, hit.u, hit.v, shift, remainder, visited, closures);
+                          footprint, hit.u, hit.v, random, remainder, visited, closures);
   }
   else {
     Selection s;
@@ -228,13 +231,13 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
     s.limit = closure_limit(lobes);
     s.cells = hint_cells(hint_count * lobes);
     s.alpha = alpha;
-    float off = CELLS_OFF * sqrt(shift[1]);
-    s.middle_1 = off * cos(M_2PI * shift[2]);
-    s.middle_2 = off * sin(M_2PI * shift[2]);
+    float off = CELLS_OFF * sqrt(random[1]);
+    s.middle_1 = off * cos(M_2PI * random[2]);
+    s.middle_2 = off * sin(M_2PI * random[2]);
     float total = mode == MODE_INDEX ?
         index_query(map, hints, hint_count, alpha, footprint, hit.u, hit.v, s, visited) :
-        glint_query(map, hints, hint_count, alpha, footprint, mode, map.is_linear && samples > 1.0 ? SURE_WEIGHT : 0.0, hit.u,
-                    hit.v, shift[0], shift[1], s, visited);
+        glint_query(map, hints, hint_count, alpha, footprint, mode, map.is_linear && samples > 1.0 ? SURE_WEIGHT : 0.0,
+                    hit.u, hit.v, random[0], random[1], s, visited);
     sum = selection_closures(distribution, alpha, hints, hint_count, s, total, hit.u, hit.v, remainder, closures);
   }
   counters = color(visited, closures, mode);

@@ -1,12 +1,12 @@
 /* The normal map: texels, bilinear patches, and their slopes around a half vector. */
 
-/* Counts of its slopes, see counts.h. */
+/* The table of counts of the map's slopes: see counts.h. */
 struct Counts {
   string table;
-  int first;  /* side in texels of the smallest block; 0: no counts */
+  int first;  /* side in texels of the smallest block; 0: there are no counts */
   int levels;
-  vector low;  /* slopes of the lowest corner */
-  vector high; /* and of the highest */
+  vector low;  /* slopes of the lowest corner of the bins */
+  vector high; /* slopes of the highest corner */
 };
 
 struct Map {
@@ -19,23 +19,23 @@ struct Map {
   int is_linear;
   Counts counts;
   string index; /* table of slope_index.h */
-  int is_indexed; /* whether there is one */
-  int visits;     /* elements that a sample visits at most, up to LARGEST_VISIT */
-  /* Right-hand corners of the last patch that was fetched, which are the left-hand ones of the next in its row. */
-  int kept;    /* number of their column, rows one after the other; from 1 on, 0: none */
+  int is_indexed; /* whether the index exists */
+  int visits;     /* most elements that a sample visits (query.h), up to LARGEST_VISIT */
+  /* Right corners of the patch that was fetched before, which are the left corners of the next patch in its row. */
+  int kept;    /* row times map width plus column of these corners plus 1; 0: no corners are kept */
   vector kept_low;
   vector kept_high;
-  int fetches; /* texture() calls so far; costs nothing unless the shader's output Costs is linked */
+  int fetches; /* texture() calls so far; OSL leaves the count out unless the shader's output Costs is linked */
 };
 
-/* What the map shows at the hit point. */
+/* The map at the hit point. */
 struct Hit {
-  float u;       /* texel coordinates; for Linear less half a texel, so that patches start at whole numbers */
+  float u;         /* texel coordinates; for Linear less half a texel, so that patches start at whole numbers */
   float v;
-  float i;       /* whole part: the texel or patch */
+  float i;         /* whole parts of u and v: the texel or patch */
   float j;
-  vector n;      /* tangent-space normal, not normalised */
-  vector own;    /* the same as the map has it, without Strength */
+  vector n;        /* tangent-space normal, not normalised */
+  vector unscaled; /* tangent-space normal as the map stores it, without Strength */
 };
 
 int map_is_intact(output Map map)
@@ -44,8 +44,8 @@ int map_is_intact(output Map map)
   return table_is_intact(map.table, map.inverse_padded_width, map.inverse_padded_height);
 }
 
-/* The normal of texel (i, j) as the map has it. */
-vector map_own_normal(output Map map, int i, int j)
+/* The normal of texel (i, j) as the map stores it, without Strength. */
+vector unscaled_normal(output Map map, int i, int j)
 {
   map.fetches += 1;
   return table_texel(map.table, map.inverse_padded_width, map.inverse_padded_height, i, j);
@@ -53,11 +53,11 @@ vector map_own_normal(output Map map, int i, int j)
 
 vector map_normal(output Map map, int i, int j)
 {
-  vector n = map_own_normal(map, i, j);
+  vector n = unscaled_normal(map, i, j);
   return map.strength == 1.0 ? n : strengthened(n, map.strength);
 }
 
-/* The bilinear patch between texel (i, j) and its right and upper neighbours. */
+/* The bilinear patch between texel (i, j) and its right and upper neighbours: their normals. */
 struct Patch {
   vector n00;
   vector n10;
@@ -87,8 +87,8 @@ vector patch_normal(Patch patch, float a, float b)
   return (1.0 - b) * ((1.0 - a) * patch.n00 + a * patch.n10) + b * ((1.0 - a) * patch.n01 + a * patch.n11);
 }
 
-/* The three forms of slope_forms over a patch: value at (0, 0), change with a, with b, and with a b. Their quotient is the
- * slope; interpolating slopes instead would lose 0.3 % of the energy of bumps of slope 0.15. */
+/* The three forms of slope_forms over a patch: their value at (0, 0) and their change with a, with b, and with a b. A
+ * slope is a quotient of forms; an interpolation of slopes would lose light: decision 11. */
 struct PatchSlopes {
   vector origin;
   vector by_a;
@@ -96,16 +96,16 @@ struct PatchSlopes {
   vector by_ab;
 };
 
-/* Forms (n.f1, n.f2, n.f3) of a corner at a texel offset, the turn of surface and half vector included. */
+/* Forms (n.f1, n.f2, n.f3) of a normal at a texel offset, with the turn of surface and half vector to that place. */
 vector slope_forms(HalfVector hint, vector n, float offset_u, float offset_v)
 {
   float along = dot(n, hint.f3);
-  return vector(dot(n, hint.f1) + along * (offset_u * hint.shift_u1 + offset_v * hint.shift_v1),
-                dot(n, hint.f2) + along * (offset_u * hint.shift_u2 + offset_v * hint.shift_v2), along);
+  return vector(dot(n, hint.f1) + along * (offset_u * hint.turn_u1 + offset_v * hint.turn_v1),
+                dot(n, hint.f2) + along * (offset_u * hint.turn_u2 + offset_v * hint.turn_v2), along);
 }
 
-/* offset_u, offset_v: texel offset of the patch's lower left corner. Returns 0 if the patch crosses the half vector's
- * horizon, or lies beyond one side of the region's square. */
+/* Forms of a patch; offset_u, offset_v: texel offset of its lower left corner. Returns 0 if the patch crosses the half
+ * vector's horizon, or lies beyond one side of the square around the region. */
 int patch_slopes(HalfVector hint, Patch patch, float offset_u, float offset_v, output PatchSlopes s)
 {
   vector c00 = slope_forms(hint, patch.n00, offset_u, offset_v);
@@ -133,7 +133,8 @@ int patch_slope(HalfVector hint, PatchSlopes s, float a, float b, output float p
   return p1 * p1 + p2 * p2 < hint.radius * hint.radius;
 }
 
-/* Covariance J S J^T of the slopes around (a, b); S is given by two position offsets of one deviation each. */
+/* Covariance J S J^T of the slopes around (a, b) for positions of covariance S, which is given by two position offsets
+ * of one standard deviation each. */
 void patch_covariance(PatchSlopes s, float a, float b, float first_a, float first_b, float second_a, float second_b,
                       output float c11, output float c12, output float c22)
 {
@@ -165,7 +166,8 @@ float square_turn(vector from, vector to)
   return dot(across, across) / max(min(dot(from, from), dot(to, to)), 1e-12);
 }
 
-/* Parts of a patch along one side; the arguments are the normals at the ends of its two edges that way. */
+/* Parts of a patch along one side; the arguments are the normals at the ends of the patch's two edges along that
+ * side. */
 int patch_parts(vector from_a, vector to_a, vector from_b, vector to_b, float alpha)
 {
   float span = sqrt(max(square_turn(from_a, to_a), square_turn(from_b, to_b)));

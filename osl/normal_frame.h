@@ -14,7 +14,7 @@ struct NormalFrame {
   vector upright_dy;
 };
 
-/* Frame at the shading point; returns 0 where the mesh has no tangents of that UV map (the node then leaves N). */
+/* Frame at the shading point. Returns 0 where the mesh has no tangents of that UV map: the node then returns N. */
 int normal_frame(string tangent_name, string sign_name, output NormalFrame frame)
 {
   normal object_tangent = normal(0);
@@ -23,7 +23,8 @@ int normal_frame(string tangent_name, string sign_name, output NormalFrame frame
     return 0;
   }
 
-  /* Take the node's own interpolated normal; the bump normal is the same direction, but has derivatives. */
+  /* Take the interpolated normal that the node uses, and the bump normal, which has the same direction and
+   * derivatives. */
   normal object_normal = normal(0);
   normal curved = normal(0);
   float is_smooth = 0.0;

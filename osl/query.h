@@ -1,34 +1,28 @@
 /* The glint query: which elements of the map, within the footprint, can reflect a hinted light into the view.
  *
- * Near: every texel (Closest) or bilinear patch (Linear) under the footprint is visited while there are at most
- * LARGEST_VISIT; beyond that a random subset of that size stands for all, so that such views get noisier, never wrong.
- * The middle distance is that of slope_index.h where that is faster, far views those of counts.h, which take over where a
- * block is about as wide as the footprint: a visit costs 50 ns (35 of them the fetch), so 4096 of them 200 us. Measured with
- * the index: flakes of 7,000 texels a footprint 266 -> 45 us, of 450 22 -> 5 us; smooth patches, a third of which mirror a
- * light where the light is near the middle of the slopes, gain nothing there: each then fetches all its corners.
- * A random part of the candidates does not pay where there are many: one row, or list of the index, of so many that 256 or
- * 128 candidates are left gave an error of 0.26 or 0.42 instead of 0.17 (eight_bit, 4 samples) in 0.47 or 0.29 of the time.
+ * An element is a texel (Closest) or a bilinear patch (Linear). To visit an element is to fetch it and to test its
+ * slopes against the region of each hint. Near footprints: all elements under the footprint are visited while these are
+ * no more than map.visits; of more, a random subset of that size stands for all, which is noisier but right in the
+ * mean. Footprints in the middle distance use slope_index.h where that is faster (decision 14), and far footprints use
+ * counts.h from where a block is about as wide as the footprint. The index is not thinned out at random: decision 10.
  * glint_query is what the shader uses, with its twin hit_is_selected.
  */
 
-/* Elements visited a sample at most: 4096 cost about 200 us of one core. Fewer leave noise in views of a thousand texels
- * a pixel that more samples do not make up for (512: error 0.27 instead of 0.12 at 4 samples). Where most noise is that of
- * lights which are not looked for, fewer are worth it (Choice of glint_addon/choice/ranking.py): a hundred lamps, 4 samples:
- * error 3.9, 58 us a sample with 4096; 4.1, 9 us with 64; 4.6, 6 us with 16. */
+/* Most elements that a sample visits; fewer leave noise that more samples do not make up for: decision 7. The material
+ * may ask for fewer (Choice of glint_addon/choice/ranking.py): decision 41. */
 #define LARGEST_VISIT 4096
-/* So few visits cost no more than counts, which under eight lights take 25 to 40 us. */
+/* A material that allows so few visits uses no counts, which would take longer: decision 8. */
 #define COUNTS_VISITS 512
-/* Weight of the kernel, 1 in its middle, from which on a patch is always visited; of the others a third is drawn (is_drawn).
- * Error at 4 samples, us a sample, with 0 (all), 0.5, 0.75, 1: bumps 0.275, 38; 0.287, 30; 0.304, 24; 0.324, 18; scratches
- * 0.690, 42; 0.695, 30; 0.694, 24; 0.752, 20; brushed metal 0.988, 44; 0.988, 29; 0.988, 23; 0.990, 18. Neighbours hardly
- * differ, so what is drawn stands for what is not; texels do differ (flakes 0.179 -> 0.238 at hardly less time), and a
- * pixel's only sample would show it (bumps 0.111 -> 0.209): there all are visited. */
+/* Weight of the kernel, 1 in its middle, from which on a patch is always visited. Lighter patches are drawn at random
+ * (is_drawn), about a third of them: neighbouring patches are alike, so those drawn stand for the others: decision 9.
+ * Texels differ from their neighbours, and a pixel's only sample would show which are drawn: there all are visited. */
 #define SURE_WEIGHT 0.75
-/* Below this semi-axis (texels) a footprint hardly leaves one element: the sample's own is the answer. */
+/* Least semi-axis in texels of a footprint that is queried: a smaller footprint hardly leaves one element. */
 #define SINGLE_ELEMENT 0.5
-/* Ellipses thinner than this would slip between the centres of elements: points along them are used instead. */
+/* Least short semi-axis in texels for visits row by row: a thinner ellipse may contain no centre of an element, so
+ * points along the ellipse are visited. */
 #define THIN_FOOTPRINT 1.0
-/* Points a texel of a thin footprint, and the fewest of all. */
+/* Points per texel of a thin footprint, and the fewest points of all. */
 #define POINTS_PER_TEXEL 4.0
 #define FEWEST_POINTS 8
 
@@ -45,11 +39,13 @@
 #define PLASTIC_1 0.7548776662466927
 #define PLASTIC_2 0.5698402909980532
 
-/* Deviation of a uniform spread over 0..1: 1 / sqrt(12). */
+/* Standard deviation of a uniform distribution over 0..1: 1 / sqrt(12). */
 #define UNIFORM_DEVIATION 0.28867513
-/* Largest deviation, in texels, of the positions that one point of a thin footprint stands for: those of half a texel. */
+/* Largest standard deviation, in texels, of the positions for which one point of a thin footprint stands: that of half
+ * a texel. */
 #define LARGEST_SPREAD 0.14433757
 
+/* How to query a footprint, one of MODE_..., if at most `visits` elements may be visited. */
 int query_mode(Footprint footprint, int visits)
 {
   if (footprint.long_axis < SINGLE_ELEMENT) {
@@ -61,7 +57,8 @@ int query_mode(Footprint footprint, int visits)
   return footprint.area <= visits ? MODE_ALL : MODE_SUBSET;
 }
 
-/* Whether the texel normal n at a texel offset is selected by a hint, and its slope there. Divides only when it is. */
+/* Whether a hint selects the texel normal n at a texel offset, and the slope there. Divides only for a selected
+ * normal. */
 int texel_slope(HalfVector hint, vector n, float offset_u, float offset_v, output float p1, output float p2)
 {
   vector form = slope_forms(hint, n, offset_u, offset_v);
@@ -74,8 +71,9 @@ int texel_slope(HalfVector hint, vector n, float offset_u, float offset_v, outpu
   return 1;
 }
 
-/* Whether glint_query selects the element at the hit point (u, v) itself, for any hint: then it is not in the remainder.
- * patch: the hit's own; n: the normal there. Must cut patches exactly as glint_query does. */
+/* Whether glint_query selects, for any hint, the element at the hit point: then the remainder must leave it out. patch,
+ * (a, b): the hit's patch and the place in it; n: the normal there. This function must cut patches exactly as
+ * glint_query does. */
 int hit_is_selected(Map map, HalfVector hints[8], int hint_count, float alpha, int mode, Patch patch, float a, float b,
                     vector n)
 {
@@ -102,9 +100,9 @@ int hit_is_selected(Map map, HalfVector hints[8], int hint_count, float alpha, i
   return 0;
 }
 
-/* Select what one texel holds for the hints from `from` to before `to`. A normal belongs to the first of all hints in whose
- * region it lies, or it would count twice. first: hints[from] by itself, because each use of an array's element copies the
- * whole struct (a quarter of the time). */
+/* Visit one texel for the hints from `from` to before `to`. A normal that lies in the regions of several hints is
+ * selected for the first of all hints alone, or it would count twice. first: hints[from] as a parameter, because each
+ * use of an array's element copies the whole struct: decision 12. */
 void visit_texel(output Map map, HalfVector first, HalfVector hints[8], int from, int to, int i, int j, float offset_u,
                  float offset_v, float weight, output Selection s)
 {
@@ -130,13 +128,14 @@ void visit_texel(output Map map, HalfVector first, HalfVector hints[8], int from
   }
 }
 
-/* Select what one patch holds for the hints from `from` to before `to`, or in MODE_POINTS its point (a, b), whose share of
- * the footprint has the deviations (first_a, first_b) and (second_a, second_b). offset: of the patch's lower left corner. */
+/* Visit one patch for the hints from `from` to before `to`; in MODE_POINTS only its point (a, b), which stands for a
+ * part of the footprint with the standard deviations (first_a, first_b) and (second_a, second_b). offset: of the
+ * patch's lower left corner. */
 void visit_patch(output Map map, HalfVector hints[8], int from, int to, float alpha, int mode, int i,
                  int j, float offset_u, float offset_v, float a, float b, float first_a, float first_b,
                  float second_a, float second_b, float weight, output Selection s)
 {
-  /* Skip patches that no half vector can reach, by one fetch. */
+  /* Skip a patch that no hint can select, by one fetch. */
   if (patch_has_bounds(map.width, map.height, i, j)) {
     float ball = 0;
     map.fetches += 1;
@@ -164,7 +163,7 @@ void visit_patch(output Map map, HalfVector hints[8], int from, int to, float al
         float part_b = mode == MODE_POINTS ? b : (part / columns + 0.5) / rows;
         float p1, p2;
         if (patch_slope(hints[h], slopes, part_a, part_b, p1, p2)) {
-          /* The first hint that has it keeps it. */
+          /* Select a normal for the first hint in whose region it lies. */
           int taken = 0;
           for (int g = 0; g < h && !taken; ++g) {
             PatchSlopes other;
@@ -189,15 +188,16 @@ void visit_patch(output Map map, HalfVector hints[8], int from, int to, float al
   }
 }
 
-/* Select the elements within the footprint around the texel coordinates (u, v) (for Linear, less half a texel).
- * sure: weight from which on an element is always visited (is_drawn); shift_1, shift_2: two uniform numbers of this
- * sample. Returns the sum of the kernel's weights over all elements, which the selected weights are relative to. */
-float glint_query(output Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, int mode, float sure,
-                  float u, float v, float shift_1, float shift_2, output Selection s, output int visited)
+/* Visit the elements within the footprint around the texel coordinates (u, v), for Linear less half a texel, and select
+ * those that mirror a hinted light. sure: weight from which on an element is always visited (is_drawn); random_1,
+ * random_2: uniform numbers of this sample. Returns the sum of the kernel's weights over all elements: selected weights
+ * are relative to this sum. */
+float glint_query(output Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, int mode,
+                  float sure, float u, float v, float random_1, float random_2, output Selection s, output int visited)
 {
   float total = 0;
   HalfVector first = hints[0];
-  float due = shift_1;
+  float odds = random_1;
 
   if (mode == MODE_ALL) {
     /* Visit the ellipse quu du^2 + 2 quv du dv + qvv dv^2 < 1 row by row. */
@@ -223,7 +223,7 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
         float du = column + 0.5 - u;
         float weight = footprint_kernel(quu * du * du + 2.0 * quv * du * dv + qvv * dv * dv);
         total += weight;
-        if (is_drawn(sure, due, weight)) {
+        if (is_drawn(sure, odds, weight)) {
           visited += 1;
           if (map.is_linear) {
             visit_patch(map, hints, 0, hint_count, alpha, MODE_ALL, i, j, du - 0.5, dv - 0.5, 0, 0, 0, 0, 0, 0,
@@ -244,12 +244,13 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
       float wanted = POINTS_PER_TEXEL * 2.0 * footprint.long_axis * max(2.0 * footprint.short_axis, 1.0);
       points = clamp((int)ceil(min(wanted, LARGEST_VISIT)), FEWEST_POINTS, LARGEST_VISIT);
     }
-    /* A point's own spread ends within its patch: beyond, slopes go another way. */
+    /* Find the part of the footprint that one point stands for, no wider than half a patch: another patch has other
+     * slopes. */
     float share = min(sqrt(KERNEL_VARIANCE / points), LARGEST_SPREAD / footprint.long_axis);
     for (int k = 0; k < points; ++k) {
       float x, y;
-      float a = shift_1 + k * PLASTIC_1;
-      float b = shift_2 + k * PLASTIC_2;
+      float a = random_1 + k * PLASTIC_1;
+      float b = random_2 + k * PLASTIC_2;
       footprint_sample(a - floor(a), b - floor(b), x, y);
       float point_u = u + footprint.ux * x + footprint.uy * y;
       float point_v = v + footprint.vx * x + footprint.vy * y;
@@ -265,7 +266,7 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
                     share * footprint.vy, 1.0, s);
       }
       else {
-        /* Seen at the point, not at the texel's centre, which may lie far outside a thin footprint. */
+        /* Take the view at the point: the texel's centre may lie far outside a thin footprint. */
         visit_texel(map, first, hints, 0, hint_count, i, j, point_u - u, point_v - v, 1.0, s);
       }
     }

@@ -1,7 +1,6 @@
-/* The middle distance: the elements of small blocks of the map, sorted by slope, so that only those near a half vector are
- * visited. Layout: glint_addon/bake/slope_index.py, which writes it.
- *
- * Exact: the candidates are looked up in the table of normals and judged as glint_query judges them.
+/* The index for the middle distance: the elements of small blocks of the map, sorted by slope, so that a sample visits
+ * only those near a half vector, the candidates. The answer is exact, because candidates are fetched from the table of
+ * normals and tested as in glint_query: decision 14. Layout: glint_addon/bake/slope_index.py, which writes the table.
  */
 
 #define INDEX_MAGIC 7951.0
@@ -12,24 +11,26 @@
 #define INDEX_FIRST_PREFIX 2
 #define INDEX_FIRST_ELEMENT 128
 
-/* Least footprint: below, most of a block's elements lie outside, and all of the footprint's are visited as fast. */
+/* Least area in texels of a footprint: in a smaller one most elements of a block lie outside, and visits of all are as
+ * fast. */
 #define INDEX_AREA 120.0
-/* Least short semi-axis: the kernel's integral stands for its sum over the elements, which differs by chance, without bias. */
+/* Least short semi-axis in texels: the kernel's integral replaces the sum over all elements, which differs from it at
+ * random, without bias. */
 #define INDEX_SHORT_AXIS 3.0
 /* Largest number of blocks in the footprint's bounding box. */
 #define INDEX_BLOCKS 160
-/* Nanoseconds, for the choice between a visit of all and the index: a block, an element of its lists, a candidate under the
- * footprint (whose neighbours are not those visited before, so that a patch fetches all its corners); a texel and a patch
- * visited row by row. */
+/* Costs in nanoseconds that choose between the index and visits of all elements: of a block, of an element of its
+ * lists, of a candidate that is a texel or a patch, and of a texel or a patch visited row by row: decision 15. A
+ * candidate patch fetches all its corners, and a patch in a row only the new ones. */
 #define INDEX_BLOCK_COST 300.0
 #define INDEX_LISTED_COST 11.0
 #define INDEX_TEXEL_COST 90.0
 #define INDEX_PATCH_COST 220.0
 #define TEXEL_COST 48.0
 #define PATCH_COST 85.0
-/* Least n.z within a region for its slopes to be bounded. */
+/* Least n.z within a region: below it slopes grow without bounds. */
 #define INDEX_HEIGHT 0.02
-/* Cells by which a range of slopes is widened, for the rounding of the writer and the reader. */
+/* By how many cells a range of slopes is widened, for the rounding of the baker and of the shader. */
 #define INDEX_ROUNDING 0.01
 
 struct Index {
@@ -41,10 +42,11 @@ struct Index {
   float inverse_height;
 };
 
-color index_texel(Index index, int texel, output float last)
+/* A texel of the list. fourth: its alpha channel. */
+color index_texel(Index index, int texel, output float fourth)
 {
   return texture(index.table, ((texel & ((1 << index.log_width) - 1)) + 0.5) * index.inverse_width,
-                 ((texel >> index.log_width) + 0.5) * index.inverse_height, 0, 0, 0, 0, "alpha", last);
+                 ((texel >> index.log_width) + 0.5) * index.inverse_height, 0, 0, 0, 0, "alpha", fourth);
 }
 
 Index map_index(string table, int width, int height)
@@ -57,7 +59,8 @@ Index map_index(string table, int width, int height)
   return index;
 }
 
-/* First texel of the block of a line's texel i; line: `size` texels, repeated. place: the block's number within the map. */
+/* First texel of the block that contains texel i along a side of `size` texels, where the map repeats. place: the
+ * block's number within the map. */
 int block_start(int i, int size, output int place)
 {
   int within = wrapped(i, size);
@@ -89,8 +92,8 @@ int region_is_upright(SlopeBasis basis, float c1, float c2, float radius)
   return basis.g3[2] + c1 * basis.g1[2] + c2 * basis.g2[2] > radius * hypot(basis.g1[2], basis.g2[2]) + INDEX_HEIGHT;
 }
 
-/* Bounds of n[axis] / n.z over the normals n within `radius` of middle, whose slope axes are g1 and g2: the s for which the
- * plane n[axis] = s n.z touches the disk. */
+/* Bounds of n[axis] / n.z over the normals n within `radius` of middle, whose slope axes are g1 and g2: the s for which
+ * the plane n[axis] = s n.z touches the disk. */
 void region_bounds(vector middle, vector g1, vector g2, float radius, int axis, output float low, output float high)
 {
   float r2 = radius * radius;
@@ -102,8 +105,9 @@ void region_bounds(vector middle, vector g1, vector g2, float radius, int axis, 
   high = (b + root) / a;
 }
 
-/* Slopes with Strength -> bounds of the map's own, whose normals have at least `least_z` (see strengthened). */
-void own_bounds(float strength, float least_z, output float low, output float high)
+/* Bounds of slopes with Strength -> bounds of the map's slopes without Strength, if no normal's z is below `least_z`
+ * (see strengthened). */
+void unscaled_bounds(float strength, float least_z, output float low, output float high)
 {
   float share = clamp(strength, 0.0, 1.0);
   float one = ((1.0 - share) + share) / strength;
@@ -113,7 +117,7 @@ void own_bounds(float strength, float least_z, output float low, output float hi
   low = from;
 }
 
-/* What a query over the index keeps the same for all blocks. */
+/* A query over the index: what is the same for all blocks, and the block in turn. */
 struct Search {
   float u; /* the hit's texel coordinates */
   float v;
@@ -121,28 +125,29 @@ struct Search {
   float quu;
   float quv;
   float qvv;
-  int column; /* the block: its first texel in the map, and in the footprint's own plane, where the map repeats */
+  int column; /* first texel of the block in the map */
   int row;
-  int plane_column;
+  int plane_column; /* first texel of the block in the plane in which the map repeats */
   int plane_row;
-  int columns; /* how many texels wide it is */
-  int first; /* texel of its first eight elements */
+  int columns; /* texels of the block along u */
+  int first; /* texel of the list with the block's first eight elements */
 };
 
-/* Visit the elements `start` to `end` of a block for the k-th hint: of its list, or of its texels row by row. */
+/* Visit the elements `start` to `end` of a block for the k-th hint: of the block's list, or of its texels row by
+ * row. */
 void visit_listed(output Map map, Index index, Search search, HalfVector hint, HalfVector hints[8], int k, float alpha,
                   int is_listed, int start, int end, output Selection s, output int visited)
 {
   for (int group = start / 8; 8 * group < end; ++group) {
-    float last = 0;
+    float fourth = 0;
     color pairs = 0;
     if (is_listed) {
-      pairs = index_texel(index, search.first + group, last);
+      pairs = index_texel(index, search.first + group, fourth);
       map.fetches += 1;
     }
     int lane_end = min(end - 8 * group, 8);
     for (int lane = max(start - 8 * group, 0); lane < lane_end; ++lane) {
-      int code = (int)(lane < 2 ? pairs[0] : lane < 4 ? pairs[1] : lane < 6 ? pairs[2] : last);
+      int code = (int)(lane < 2 ? pairs[0] : lane < 4 ? pairs[1] : lane < 6 ? pairs[2] : fourth);
       code = !is_listed ? 8 * group + lane : lane & 1 ? code >> 10 : code & 1023;
       int x = code & (INDEX_SIDE - 1);
       int y = code >> 5;
@@ -163,17 +168,18 @@ void visit_listed(output Map map, Index index, Search search, HalfVector hint, H
   }
 }
 
-/* The cells of a block that a hint's region meets. */
+/* The cells of a block that can contain slopes of a hint's region. */
 struct CellRange {
   int from1;
   int to1;
   int from2;
   int to2;
-  int listed; /* elements in all cells; the others are the tail */
-  int is_intact; /* whether the block's record is there, whole and not shrunk (see table_is_intact); else no cells */
+  int listed; /* elements in all cells of the block; the others, the tail, are always visited */
+  int is_intact; /* whether the block's record is whole (see table_is_intact); else the range has no cells */
 };
 
-/* c1, c2, radius: the region around the hint's half vector, as the whole block sees it. */
+/* The cells of a block for a hint; c1, c2, radius: a region that holds the hint's regions at all texels of the
+ * block. */
 CellRange block_cells(output Map map, Index index, int record, SlopeBasis basis, float c1, float c2, float radius)
 {
   float scale2 = 0;
@@ -186,8 +192,8 @@ CellRange block_cells(output Map map, Index index, int record, SlopeBasis basis,
   region_bounds(middle, basis.g1, basis.g2, radius, 0, low1, high1);
   region_bounds(middle, basis.g1, basis.g2, radius, 1, low2, high2);
   if (map.strength != 1.0) {
-    own_bounds(map.strength, extent[1], low1, high1);
-    own_bounds(map.strength, extent[1], low2, high2);
+    unscaled_bounds(map.strength, extent[1], low1, high1);
+    unscaled_bounds(map.strength, extent[1], low2, high2);
   }
   CellRange range;
   float margin = extent[0];
@@ -196,7 +202,7 @@ CellRange block_cells(output Map map, Index index, int record, SlopeBasis basis,
   range.from2 = (int)clamp((low2 - margin - cells[1]) * scale2 - INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
   range.to2 = (int)clamp((high2 + margin - cells[1]) * scale2 + INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
   range.listed = (int)extent[2];
-  /* One number of each channel: any may be lost by itself. */
+  /* Test one number of each channel, because a damaged file may lose any of them. */
   range.is_intact = magic == INDEX_MAGIC && extent[0] > 0.0 && extent[1] > 0.0 && cells[2] > 0.0 &&
                     extent[2] == floor(extent[2]);
   if (!range.is_intact) {
@@ -206,31 +212,31 @@ CellRange block_cells(output Map map, Index index, int record, SlopeBasis basis,
   return range;
 }
 
-/* First element of the range's cells in a row, and the one after the last. */
+/* First element of the range's cells in one row of cells, and the element after them. */
 void row_elements(output Map map, Index index, int record, CellRange range, int row, output int start, output int end)
 {
   int bounds[2] = { row * INDEX_COLUMNS + range.from1, row * INDEX_COLUMNS + range.to1 + 1 };
   int texel = -1;
   color before = 0;
-  float last = 0;
+  float fourth = 0;
   for (int side = 0; side < 2; ++side) {
     int cell = bounds[side];
     bounds[side] = range.listed;
     if (cell < INDEX_COLUMNS * INDEX_ROWS) {
       if (cell / 4 != texel) {
         texel = cell / 4;
-        before = index_texel(index, record + INDEX_FIRST_PREFIX + texel, last);
+        before = index_texel(index, record + INDEX_FIRST_PREFIX + texel, fourth);
         map.fetches += 1;
       }
       int lane = cell & 3;
-      bounds[side] = (int)(lane == 0 ? before[0] : lane == 1 ? before[1] : lane == 2 ? before[2] : last);
+      bounds[side] = (int)(lane == 0 ? before[0] : lane == 1 ? before[1] : lane == 2 ? before[2] : fourth);
     }
   }
   start = bounds[0];
   end = bounds[1];
 }
 
-/* Whether the index answers for the footprint, and faster than a visit of all. */
+/* Whether the index can answer for the footprint, and is faster than visits of all elements. */
 int index_serves(output Map map, Footprint footprint, HalfVector hints[8], int hint_count, float u, float v)
 {
   float blocks = (2.0 * hypot(footprint.ux, footprint.uy) / INDEX_SIDE + 1.0) *
@@ -244,7 +250,7 @@ int index_serves(output Map map, Footprint footprint, HalfVector hints[8], int h
   int first_u = block_start((int)floor(u), map.width, column);
   int first_v = block_start((int)floor(v), map.height, row);
   int record = INDEX_RECORD * (row * index.columns + column);
-  /* How many candidates the block around the hit has. */
+  /* Count the candidates of the block around the hit. */
   int side_u = min(map.width - INDEX_SIDE * column, INDEX_SIDE);
   int side_v = min(map.height - INDEX_SIDE * row, INDEX_SIDE);
   int candidates = 0;
@@ -274,7 +280,7 @@ int index_serves(output Map map, Footprint footprint, HalfVector hints[8], int h
   return index_cost < visit_cost;
 }
 
-/* As glint_query, by the index. */
+/* As glint_query, but visits only the candidates of the index. */
 float index_query(output Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, float u, float v,
                   output Selection s, output int visited)
 {
@@ -303,7 +309,7 @@ float index_query(output Map map, HalfVector hints[8], int hint_count, float alp
       for (int i = block_start((int)floor(u - reach_u), map.width, place_u); i <= u + reach_u;) {
         int side_u = min(map.width - INDEX_SIDE * place_u, INDEX_SIDE);
         float du = i + 0.5 * side_u - u;
-        /* The block, as wide as its diagonal in the kernel's plane, must meet the kernel's disk. */
+        /* Skip a block whose bounding circle in the kernel's plane does not meet the kernel's disk. */
         float half = 0.5 * (side_u * sqrt(search.quu) + side_v * sqrt(search.qvv));
         if (hypot(ixu * du + ixv * dv, iyu * du + iyv * dv) < 1.0 + half) {
           search.column = INDEX_SIDE * place_u;
@@ -313,11 +319,12 @@ float index_query(output Map map, HalfVector hints[8], int hint_count, float alp
           search.columns = side_u;
           int record = INDEX_RECORD * (place_v * index.columns + place_u);
           search.first = record + INDEX_FIRST_ELEMENT;
-          float radius = hint.radius + 0.5 * (side_u * hypot(hint.shift_u1, hint.shift_u2) +
-                                              side_v * hypot(hint.shift_v1, hint.shift_v2));
-          CellRange range = block_cells(map, index, record, basis, -du * hint.shift_u1 - dv * hint.shift_v1,
-                                        -du * hint.shift_u2 - dv * hint.shift_v2, radius);
-          /* After the rows of cells comes the tail; in one loop, because each call of a function is compiled anew. */
+          float radius = hint.radius + 0.5 * (side_u * hypot(hint.turn_u1, hint.turn_u2) +
+                                              side_v * hypot(hint.turn_v1, hint.turn_v2));
+          CellRange range = block_cells(map, index, record, basis, -du * hint.turn_u1 - dv * hint.turn_v1,
+                                        -du * hint.turn_u2 - dv * hint.turn_v2, radius);
+          /* Visit the rows of cells, then the tail. The loop calls visit_listed at one place only, because OSL compiles
+           * each call of a function anew. */
           for (int cells = range.from2; cells <= range.to2 + 1; ++cells) {
             int start = range.listed;
             int end = (range.is_intact ? side_u : INDEX_SIDE) * side_v;
@@ -334,6 +341,6 @@ float index_query(output Map map, HalfVector hints[8], int hint_count, float alp
       place_v = place_v + 1 < index.rows ? place_v + 1 : 0;
     }
   }
-  /* The kernel's integral: its mean over where the elements lie. */
+  /* Return the kernel's integral, which is the expectation of its sum over the elements. */
   return footprint.area / 3.0;
 }

@@ -2,35 +2,37 @@
 
 #define TABLE_MAGIC 7919.0
 
-/* Exact value of texel (i, j) of the padded texture; Cycles interpolates, but not at a texel's centre. */
+/* Exact value of texel (i, j) of the padded texture: at a texel's centre Cycles does not interpolate. */
 color table_texel(string table, float inverse_padded_width, float inverse_padded_height, int i, int j)
 {
   return texture(table, (i + 0.5) * inverse_padded_width, (j + 0.5) * inverse_padded_height, 0, 0, 0, 0);
 }
 
-/* Value between texels at (x, y) in texels, the centre of texel (i, j) being (i + 0.5, j + 0.5), as Cycles interpolates
- * it; only where all four texels around lie in the map. */
+/* Value at (x, y) in texels, where (i + 0.5, j + 0.5) is the centre of texel (i, j), as Cycles interpolates it. All
+ * four texels around the place must lie in the map. */
 color table_between(string table, float inverse_padded_width, float inverse_padded_height, float x, float y)
 {
   return texture(table, x * inverse_padded_width, y * inverse_padded_height, 0, 0, 0, 0);
 }
 
-/* Whether patch_bounds holds for the bilinear patch between texel (i, j) and its right and upper neighbours: not over the
- * map's edge, and not at texel (0, 0), whose alpha is TABLE_MAGIC. */
+/* Whether patch_bounds holds for the bilinear patch between texel (i, j) and its right and upper neighbours: a patch
+ * across the map's edge has no bounds, nor has the patch at texel (0, 0), whose alpha is TABLE_MAGIC. */
 int patch_has_bounds(int width, int height, int i, int j)
 {
   return i + 1 < width && j + 1 < height && i + j > 0;
 }
 
-/* Bounds of that patch, by one fetch in its middle: the mean of its corners, and as radius no less than the distance of
- * the farthest, because the alpha of each texel is that of the largest patch that touches it. */
+/* Bounds of that patch, by one fetch in its middle: the mean of its corners, and a radius that is no less than the
+ * distance of the farthest corner, because the alpha of each texel is the radius of the largest patch that touches the
+ * texel. */
 color patch_bounds(string table, float inverse_padded_width, float inverse_padded_height, int i, int j,
                    output float radius)
 {
   return texture(table, (i + 1) * inverse_padded_width, (j + 1) * inverse_padded_height, 0, 0, 0, 0, "alpha", radius);
 }
 
-/* Whether the table is there, whole and not shrunk (Blender's Simplify shrinks data textures without a word). */
+/* Whether the table's file exists, is whole and was not shrunk (Blender's Simplify shrinks data textures without a
+ * word). */
 int table_is_intact(string table, float inverse_padded_width, float inverse_padded_height)
 {
   float magic = 0;
@@ -58,8 +60,8 @@ vector strengthened(color n, float strength)
   return vector(n[0] * strength, n[1] * strength, mix(1.0, n[2], clamp(strength, 0.0, 1.0)));
 }
 
-/* Bounds of the slopes at a strength, of normals whose own lie between low and high: below strength 1 a normal's z grows,
- * so that slopes shrink by more than the strength, towards 0. */
+/* Bounds low and high of the slopes of a map -> bounds with Strength. A strength below 1 makes a normal's z larger, so
+ * slopes shrink towards 0 by more than the strength. */
 void strengthened_bounds(float strength, output vector low, output vector high)
 {
   if (strength < 1.0) {
@@ -72,7 +74,8 @@ void strengthened_bounds(float strength, output vector low, output vector high)
   high = max(one, other);
 }
 
-/* Sides of the texture that holds a list of `texels`: powers of two, one row if it can be. Twin: list_shape(). */
+/* Sides of the texture that holds a list of `texels` texels: powers of two, in one row if the file format allows. Twin:
+ * list_shape() of glint_addon/bake/float_image.py. */
 void list_shape(int texels, output int log_width, output float inverse_width, output float inverse_height)
 {
   log_width = 4;

@@ -1,6 +1,6 @@
 /* Tangent frame from how position and UV change: the twin of glint_addon/bake/tangent_frame.py.
- * Solves deltaPos1 = du1 T + dv1 B, deltaPos2 = du2 T + dv2 B; with Dx and Dy of P and UV it is the triangle's own frame,
- * since both are linear over a triangle. */
+ * Solves deltaPos1 = du1 T + dv1 B, deltaPos2 = du2 T + dv2 B. With Dx and Dy of P and UV the result is the frame of the
+ * triangle, because both are linear over a triangle. */
 
 /* See LEAST_SINE in the twin. */
 #define LEAST_UV_SINE 1e-6
@@ -13,8 +13,8 @@ struct TangentFrame {
   int degenerate;   /* the UVs have no area: tangent and bitangent are any unit pair beside the normal */
 };
 
-/* Two unit vectors that make a right-handed frame with the unit vector n, continuous except at -z.
- * Source: Duff et al., "Building an Orthonormal Basis, Revisited", Journal of Computer Graphics Techniques 6(1), 2017. */
+/* Two unit vectors that make a right-handed frame with the unit vector n, continuous except at -z. Source: Duff et al.,
+ * "Building an Orthonormal Basis, Revisited", Journal of Computer Graphics Techniques 6(1), 2017. */
 void basis_around(vector n, output vector first, output vector second)
 {
   float s = n[2] < 0.0 ? -1.0 : 1.0;
@@ -46,8 +46,8 @@ TangentFrame tangent_frame(vector delta_position1, vector delta_position2, float
   return frame;
 }
 
-/* Unit normal of the tangent-space normal n. orthonormal: with a bitangent square to the tangent, as Blender's Normal Map
- * node on flat faces; else with the solved pair scaled to unit length. */
+/* Unit normal of the tangent-space normal n. orthonormal: with a bitangent square to the tangent, as Blender's Normal
+ * Map node on flat faces; else with the solved pair scaled to unit length. */
 vector tangent_to_world(TangentFrame frame, vector n, int orthonormal)
 {
   vector tangent = normalize(frame.tangent);

@@ -188,11 +188,11 @@ HALF_VECTOR_BODY = """
   out[0] = half_vector(vector(in[31], in[32], in[33]), vector(in[34], in[35], 0), in[36], frame, f,
                        vector(in[37], in[38], in[39]), vector(in[40], in[41], in[42]), in[43], hint);
   vector results[7] = { hint.h, hint.t1, hint.t2, hint.f1, hint.f2, hint.f3,
-                        vector(hint.shift_u1, hint.shift_v1, hint.shift_u2) };
+                        vector(hint.turn_u1, hint.turn_v1, hint.turn_u2) };
   for (int k = 0; k < 21; ++k) {
     out[1 + k] = out[0] != 0 ? results[k / 3][k % 3] : 0;
   }
-  out[22] = out[0] != 0 ? hint.shift_v2 : 0;
+  out[22] = out[0] != 0 ? hint.turn_v2 : 0;
   out[23] = out[0] != 0 ? hint.radius : 0;
   out[24] = out[0] != 0 ? hint.ball_growth : 0;
   out[25] = out[0] != 0 ? hint.reach : 0;
@@ -219,7 +219,7 @@ def test_the_half_vector_of_suns_and_local_lights():
         rng.uniform(0.001, 0.3, ROWS), first, second, rng.uniform(0, 2, ROWS), 5 * rng.normal(size=(ROWS, 4)),
     )
     osl = evaluate(HINT_HEADERS, HALF_VECTOR_BODY, inputs, 36, rotation=(0.2, 0.3, 0.4)).astype(float)
-    valid, h, t1, t2, f1, f2, f3, shift, radius, growth, reach, patch_turn, position, view, normal = read(
+    valid, h, t1, t2, f1, f2, f3, turns, radius, growth, reach, patch_turn, position, view, normal = read(
         osl, (1, 3, 3, 3, 3, 3, 3, 4, 1, 1, 1, 1, 3, 3, 3)
     )
     basis, turns, to_steps, light, shape, k_alpha, first, second, view_turn, axes = values
@@ -241,9 +241,9 @@ def test_the_half_vector_of_suns_and_local_lights():
     for value, other in ((t1, twin.axes[:, 0]), (t2, twin.axes[:, 1]), (f1, twin.forms[:, 0]),
                          (f2, twin.forms[:, 1]), (f3, twin.forms[:, 2])):
         assert (np.abs(value - other).max(1) < 4 * tolerance)[both].all()
-    size = np.abs(twin.shift).max((1, 2)) + 1e-3
-    wanted = twin.shift[:, [0, 0, 1, 1], [0, 1, 0, 1]]
-    assert (np.abs(shift - wanted).max(1) < 16 * tolerance * size / np.minimum(length, 1.0))[both].all()
+    size = np.abs(twin.turns).max((1, 2)) + 1e-3
+    wanted = twin.turns[:, [0, 0, 1, 1], [0, 1, 0, 1]]
+    assert (np.abs(turns - wanted).max(1) < 16 * tolerance * size / np.minimum(length, 1.0))[both].all()
     assert (np.abs(radius - twin.radius) < (FAST_ASIN + tolerance) / length)[both].all()
     turned = 16 * tolerance * size / np.minimum(length, 1.0)
     texels = np.abs(axes).sum(axis=1) + 2
@@ -276,7 +276,7 @@ def test_where_a_light_with_a_cone_shines():
 HINT_BODY = """
   HalfVector hint;
   hint.f1 = vector(in[0], in[1], in[2]); hint.f2 = vector(in[3], in[4], in[5]); hint.f3 = vector(in[6], in[7], in[8]);
-  hint.shift_u1 = in[9]; hint.shift_v1 = in[10]; hint.shift_u2 = in[11]; hint.shift_v2 = in[12];
+  hint.turn_u1 = in[9]; hint.turn_v1 = in[10]; hint.turn_u2 = in[11]; hint.turn_v2 = in[12];
   hint.radius = in[13]; hint.ball_growth = in[14]; hint.patch_turn = in[15]; hint.reach = 0;
 """
 
@@ -286,11 +286,11 @@ def random_hints(rng, count):
     frames = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0] + 0.05 * rng.normal(size=(count, 3, 3))
     forms = frames * np.where(frames[:, 2:3, 2:3] < 0, -1.0, 1.0)
     radius = rng.uniform(0.02, 0.5, count)
-    shift = 0.05 * rng.normal(size=(count, 4))
-    hint = light_hint.bounded_half_vector(None, None, forms, shift.reshape(count, 2, 2), radius, np.ones((count, 2)))
-    inputs, (forms, shift, radius, growth, turn) = packed(forms, shift, radius, hint.ball_growth, hint.patch_turn)
-    shift = shift.reshape(count, 2, 2)
-    return inputs, light_hint.HalfVector(None, None, forms, shift, radius, hint.reach, turn, growth)
+    turns = 0.05 * rng.normal(size=(count, 4))
+    hint = light_hint.bounded_half_vector(None, None, forms, turns.reshape(count, 2, 2), radius, np.ones((count, 2)))
+    inputs, (forms, turns, radius, growth, turn) = packed(forms, turns, radius, hint.ball_growth, hint.patch_turn)
+    turns = turns.reshape(count, 2, 2)
+    return inputs, light_hint.HalfVector(None, None, forms, turns, radius, hint.reach, turn, growth)
 
 
 def normals_near(rng, hint, spread):
@@ -503,10 +503,10 @@ def test_a_visit_skips_no_patch_whose_normal_is_in_the_region_at_the_edges_of_th
     radius = rng.uniform(0.02, 0.3, ROWS)
     slope = radius[:, None] * rng.uniform(-1, 1, (ROWS, 2))
     forms = np.stack([first + slope[:, :1] * h, np.cross(h, first) + slope[:, 1:] * h, h], axis=1)
-    shift = 0.02 * rng.normal(size=(ROWS, 2, 2))
-    hint = light_hint.bounded_half_vector(None, None, forms, shift, radius, np.ones((ROWS, 2)))
-    inputs, (hint.forms, hint.shift, hint.radius, *_) = packed(
-        forms, shift, radius, hint.ball_growth, hint.patch_turn, strength, i, j, a, b)
+    turns = 0.02 * rng.normal(size=(ROWS, 2, 2))
+    hint = light_hint.bounded_half_vector(None, None, forms, turns, radius, np.ones((ROWS, 2)))
+    inputs, (hint.forms, hint.turns, hint.radius, *_) = packed(
+        forms, turns, radius, hint.ball_growth, hint.patch_turn, strength, i, j, a, b)
     body = HINT_BODY + VISIT_BODY.format(file=file.as_posix(), width=width, height=height)
     osl = evaluate((*MAP_HEADERS, "selection.h", "query.h"), body, inputs, 2)
 

@@ -205,15 +205,15 @@ def test_no_patch_is_skipped_on_uneven_objects_and_small_spheres(seed, uneven, t
     rng = np.random.default_rng(seed)
     scale = np.exp(np.stack([uneven * rng.uniform(-1, 1, COUNT), np.zeros(COUNT), np.zeros(COUNT)], axis=1))
     forms = rotations(rng, COUNT) * scale[:, None]
-    shift = turn * unit(rng.normal(size=(COUNT, 2, 2)))
+    turns = turn * unit(rng.normal(size=(COUNT, 2, 2)))
     away = rng.uniform(0, 5, (2, COUNT))
-    hint = light_hint.bounded_half_vector(None, None, forms, shift, np.full(COUNT, radius), away.T + 1.0)
+    hint = light_hint.bounded_half_vector(None, None, forms, turns, np.full(COUNT, radius), away.T + 1.0)
 
     # A patch whose normal at (a, b) is at the rim of the region, all others as far beyond it as its ball allows.
     at = rng.random((2, COUNT))
     offset = away * rng.choice([-1, 1], (2, COUNT))
     slope = radius * rng.uniform(0.9, 1.0, (COUNT, 1)) * unit(rng.normal(size=(COUNT, 2)))
-    turned = slope - np.einsum("nst,nt->ns", shift, (offset + at).T)
+    turned = slope - np.einsum("nst,nt->ns", turns, (offset + at).T)
     inside = np.linalg.solve(forms, np.concatenate([turned, np.ones((COUNT, 1))], axis=1)[..., None])[..., 0]
     worst = np.linalg.svd(forms[:, :2])[2][:, 0]
     worst *= np.sign(np.einsum("ns,nsk,nk->n", slope, forms[:, :2], worst))[:, None]

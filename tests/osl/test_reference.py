@@ -174,8 +174,8 @@ def test_a_patch_is_never_skipped_while_a_normal_of_it_is_in_the_region(seed, ra
     rng = np.random.default_rng(seed)
     count = 500
     forms = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0] @ (np.eye(3) + shear * rng.normal(size=(3, 3)))
-    shift = turn * rng.normal(size=(count, 2, 2))
-    hint = light_hint.bounded_half_vector(None, None, forms, shift, np.full(count, radius), np.full((count, 2), 6.0))
+    turns = turn * rng.normal(size=(count, 2, 2))
+    hint = light_hint.bounded_half_vector(None, None, forms, turns, np.full(count, radius), np.full((count, 2), 6.0))
     slopes = rng.normal(size=(count, 2)) * 2 * radius
     centre = unit(np.linalg.solve(forms, np.c_[slopes, np.ones(count)][..., None])[..., 0])
     patch = centre[:, None] + rng.choice([0.01, 0.1]) * rng.normal(size=(count, 4, 3))

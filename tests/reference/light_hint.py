@@ -32,12 +32,12 @@ class NormalFrame:
 
 @dataclass
 class HalfVector:
-    """Slopes around a half vector, as in OSL; `forms` stacks f1, f2, f3: (n, 3, 3); `shift` is (n, slope, texel)."""
+    """Slopes around a half vector, as in OSL; `forms` stacks f1, f2, f3: (n, 3, 3); `turns` is (n, slope, texel)."""
 
     h: np.ndarray
     axes: np.ndarray
     forms: np.ndarray
-    shift: np.ndarray
+    turns: np.ndarray
     radius: np.ndarray
     reach: np.ndarray
     patch_turn: np.ndarray
@@ -113,13 +113,13 @@ def half_vector(light, shape, kind_k_alpha, frame, footprint, dpdx, dpdy, view_t
     return valid & (hint.patch_turn < LARGEST_TURN), hint
 
 
-def bounded_half_vector(h, axes, forms, shift, radius, extent):
+def bounded_half_vector(h, axes, forms, turns, radius, extent):
     """HalfVector with its bounds; extent: (n, 2), how many texels along u and v elements may lie from the hit point."""
-    turns = np.linalg.norm(shift, axis=1)  # (n, texel)
-    reach = (turns * extent).sum(axis=-1)
+    rates = np.linalg.norm(turns, axis=1)  # (n, texel)
+    reach = (rates * extent).sum(axis=-1)
     spread = np.linalg.svd(forms[:, :2], compute_uv=False)[:, 0]
     growth = spread + (radius + reach) * np.linalg.norm(forms[:, 2], axis=-1)
-    return HalfVector(h, axes, forms, shift, radius, reach, 0.5 * turns.sum(axis=-1), growth)
+    return HalfVector(h, axes, forms, turns, radius, reach, 0.5 * rates.sum(axis=-1), growth)
 
 
 def hint_slope(hint, n, offset_u, offset_v):
@@ -128,7 +128,7 @@ def hint_slope(hint, n, offset_u, offset_v):
     valid = values[:, 2] > 0
     along = np.where(valid, values[:, 2], 1.0)
     offset = np.stack(np.broadcast_arrays(offset_u, offset_v, along)[:2], axis=-1)
-    return valid, values[:, :2] / along[:, None] + np.einsum("nst,nt->ns", hint.shift, offset)
+    return valid, values[:, :2] / along[:, None] + np.einsum("nst,nt->ns", hint.turns, offset)
 
 
 def hint_reaches_ball(hint, centre, ball, offset_u, offset_v):
@@ -136,7 +136,7 @@ def hint_reaches_ball(hint, centre, ball, offset_u, offset_v):
     values = np.einsum("nfk,nk->nf", hint.forms, centre)
     along = values[:, 2]
     offset = np.stack(np.broadcast_arrays(offset_u, offset_v, along)[:2], axis=-1)
-    x = values[:, :2] + along[:, None] * np.einsum("nst,nt->ns", hint.shift, offset)
+    x = values[:, :2] + along[:, None] * np.einsum("nst,nt->ns", hint.turns, offset)
     limit = (hint.radius + hint.patch_turn) * along + ball * hint.ball_growth
     margin = np.minimum(limit, limit - np.linalg.norm(x, axis=-1))
     return margin > 0, margin

@@ -22,7 +22,7 @@ def patch_slopes(hint, patch, offset_u, offset_v):
     forms = np.einsum("nfk,nck->ncf", hint.forms, patch)
     corner = np.array(CORNERS, float)
     offset = np.stack([offset_u, offset_v], -1)[:, None] + corner
-    forms[..., :2] += forms[..., 2:] * np.einsum("nst,nct->ncs", hint.shift, offset)
+    forms[..., :2] += forms[..., 2:] * np.einsum("nst,nct->ncs", hint.turns, offset)
     limit = hint.radius[:, None, None] * forms[..., 2:]
     margins = np.concatenate([
         forms[..., 2].min(axis=1)[:, None],
