@@ -722,9 +722,9 @@ int peak_cell(Cells cells[8], int k, Grid grid, Masses m)
     all += m.mass[c];
     largest = m.mass[c] > m.mass[largest] ? c : largest;
   }
-  int is_peak = m.mass[largest] >= PEAK_SHARE * all &&
-                cell_is_selected(cells, k, largest % grid.columns, largest / grid.columns);
-  return is_peak ? largest : -1;
+  return m.mass[largest] >= PEAK_SHARE * all &&
+                 cell_is_selected(cells, k, largest % grid.columns, largest / grid.columns) ?
+             largest : -1;
 }
 
 /* Sum of the closures of all cells and of the remainder. parts: of a peak along each side (peak_parts); (u, v): the
