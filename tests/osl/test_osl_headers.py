@@ -222,8 +222,8 @@ def test_the_half_vector_of_suns_and_local_lights():
     valid, h, t1, t2, f1, f2, f3, turns, radius, growth, reach, patch_turn, position, view, normal = read(
         osl, (1, 3, 3, 3, 3, 3, 3, 4, 1, 1, 1, 1, 3, 3, 3)
     )
-    basis, turns, to_steps, light, shape, k_alpha, first, second, view_turn, axes = values
-    change = turns.reshape(ROWS, 6, 3)
+    basis, frame_turns, to_steps, light, shape, k_alpha, first, second, view_turn, axes = values
+    change = frame_turns.reshape(ROWS, 6, 3)
     frame = light_hint.NormalFrame(*basis.reshape(ROWS, 3, 3).transpose(1, 0, 2), *change.transpose(1, 0, 2))
     area = footprint.Footprint(*axes.T, *to_steps.T, None, None, None)
     expected, twin = light_hint.half_vector(
