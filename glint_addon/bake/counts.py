@@ -1,29 +1,29 @@
 """The counts table: how many elements of square blocks of a normal map have a slope below any corner of a grid.
 
-For footprints of thousands of texels the single element no longer matters, only how many there are of each slope. A
-summed-area table over slope bins tells that of any rectangle of slopes with four fetches (Crow, "Summed-Area Tables for
-Texture Mapping", SIGGRAPH 1984), in blocks of several sizes, so that a footprint of any size takes a few fetches.
+In footprints of thousands of texels only the number of elements of each slope matters, not which elements these are. A
+summed-area table over slope bins gives the number in any rectangle of slopes by four fetches (Crow, "Summed-Area Tables
+for Texture Mapping", SIGGRAPH 1984). Blocks of several sizes let a footprint of any size do with a few fetches.
 
 * Elements: texels (Closest), or bilinear patches between texel centres (Linear; the map repeats), cut in k x k
   sub-points of 1 / k^2 each. Patch (i, j), whose lower left corner is texel (i, j), belongs to the block of that texel.
 * Blocks: of side B = 32, 64, ... texels (Closest) or 16, 32, ... (Linear), in groups of 2 x 2, up to the side where
   one group is the whole map. The sides are stretched so that whole groups fill the map, whatever its size.
-* Slope: (n.x / n.z, n.y / n.z) of the map's own normals, Strength not applied. Normals with n.z <= 0 and slopes outside
-  the box (see `slope_box`) are not counted: the shader meets them by chance alone.
+* Slope: (n.x / n.z, n.y / n.z) of the map's normals, without Strength. Normals with n.z <= 0 and slopes outside the box
+  (see `slope_box`) are not counted: the shader meets them at random, in its remainder.
 
 Layout (read by osl/counts.h; a test compares the constants): an RGBA float32 OpenEXR file, both sides powers of two,
 because Cycles fetches exactly only at (i + 0.5) / 2^n. Texel t of the list lies at column t % width, row t / width, row
 0 at the top, in the order of the file:
 
 * the file's last texel: (MAGIC, side of the first level's blocks, number of levels, 0). A file stores the channels of a
-  row one after the other, so that MAGIC is its last number, and is lost with whatever its end loses;
+  row one after the other, so MAGIC is the last number of the file, and a file that was cut off lacks it;
 * from 0 on, for each level in rising B, each group row by row, each j, each i below `corners`: the number of elements
   whose bin is below i along slope u and below j along slope v, in the group's four blocks (R: low u low v, G: high u
-  low v, B: low u high v, A: high u high v). So (0, *) and (*, 0) are 0, and the last corner has all in the box.
+  low v, B: low u high v, A: high u high v). So (0, *) and (*, 0) are 0, and the last corner counts the whole box.
 
 Small blocks, up to PACKED texels, hold few elements and would take most of the memory: there two groups share texels,
-the 2g-th and the (2g+1)-th of a level's list. Each number is then a + PACKED_STEP b, of the first and the second group,
-whole numbers of `packed_unit` elements, which a float32 holds exactly.
+the 2g-th and the (2g+1)-th of a level's list. Each number is then a + PACKED_STEP b, where a and b count the first and
+the second group in whole units of `packed_unit` elements; a float32 holds it exactly.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from .float_image import list_shape, stored_pairs, table_file_name, write_whole
 from .progress import Steps
 from .slope_counts import group_counts, slope_box
 
-MAGIC = 7927.0  # in no table of another kind
+MAGIC = 7927.0  # other kinds of table have other numbers
 VERSION = 7  # part of the content address: raise it when the layout, the bins or the samples change
 FIRST_BLOCK = {"CLOSEST": 32, "LINEAR": 16}  # texels; below, the shader enumerates elements
 # Corners of the slope grid along each axis, by block side: more as blocks hold more elements, and so many that all
@@ -50,14 +50,12 @@ CORNERS = {
 LARGEST_LISTED = 1024  # texels: larger blocks have as many corners
 PACKED = 64  # texels: largest side of blocks of which two groups share texels
 PACKED_STEP = 4096  # two numbers below it fit the 24 bits of a float32
-# Sub-points of a patch along each axis (Linear), by block side: the fewer patches a block holds, the more. Relative
-# RMSE of the NDF of one block against 12 x 12, bumps 4 texels wide, alpha 0.01: 32: 6.5 % with 4; 64: 5.1 % with 3,
-# 3.2 % with 4; 128: 4.7 % with 2, 1.5 % with 4; 256: 2.3 % with 2, 1.2 % with 3; 512: 1.2 % with 2. A footprint
-# averages several blocks.
+# Sub-points of a patch along each axis (Linear), by block side: a small block holds few patches, so each is sampled at
+# more points: decision 31.
 SUB_POINTS = {16: 6, 32: 6, 64: 4, 128: 4, 256: 3}
 SUB_POINTS_ABOVE = 2
-BOX = ("glint:low", "glint:high")  # slope box in the file's header: quantiles of a large map take seconds
-BOXED, COUNTED = 0.05, 0.96  # part of the work that is done when the box is known, and when the counts are in memory
+BOX = ("glint:low", "glint:high")  # slope box in the file's header: to compute it of a large map again takes seconds
+BOXED, COUNTED = 0.05, 0.96  # part of the work done when the box is known, and when the counts are in memory
 
 
 def groups(size: int, block: int) -> int:
@@ -113,7 +111,7 @@ def group_edges(width: int, height: int, block: int):
 
 
 def stored_levels(width: int, height: int, interpolation: str, levels: tuple[int, int]) -> tuple[int, ...]:
-    """Block sides from `levels` = (first, last), both included. Raises TableError if the map has not both."""
+    """Block sides from `levels` = (first, last), both included. Raises TableError unless the map has both."""
     every = counts_levels(width, height, interpolation)
     first, last = levels
     if first not in every or last not in every or first > last:
@@ -134,8 +132,8 @@ def file_size(width: int, height: int, interpolation: str, levels: tuple[int, in
 def counts_texels(normals, interpolation: str, levels: tuple[int, int], box, progress=None) -> np.ndarray:
     """Padded RGBA float32 pixels of the table, row 0 at the bottom; normals: float32 (height, width, 3).
 
-    levels: sides of the first and the last level's blocks; box: `slope_box`; progress: called with the part that is
-    done, 0..1, often; what it raises ends the work. Raises TableError for levels that the map has not.
+    levels: sides of the first and the last level's blocks; box: `slope_box`; progress: called often with the part of
+    the work done, 0..1; an exception that it raises ends the work. Raises TableError for levels that the map lacks.
     """
     height, width = normals.shape[:2]
     blocks = stored_levels(width, height, interpolation, levels)
@@ -176,8 +174,8 @@ def bake_counts(
     """Write the counts of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless there and whole.
 
     levels and progress as for `counts_texels`. Returns the path, whether it was written now, and the slope box, low and
-    high. The file appears whole or not at all; its header keeps the box. Raises TableError for levels that the map has
-    not, or if the folder cannot be written to.
+    high. The file appears whole or not at all; its header keeps the box. Raises TableError for levels that the map
+    lacks, or if the folder cannot be written to.
     """
     stored_levels(normals.shape[1], normals.shape[0], interpolation, levels)
     path = Path(folder) / counts_name(normals, interpolation, levels)

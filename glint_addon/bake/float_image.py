@@ -1,8 +1,8 @@
-"""Float images on disk that appear whole or not at all, and that tell later whether they still are.
+"""Float images on disk that appear whole or not at all, and the test whether a file is still whole.
 
 A full disk, a copy that broke off, or a machine that lost its power leaves files of the right name, often of the right
-size, that end in zeros. So each file carries a digest of itself, as an attribute of its OpenEXR header: it goes where
-the file goes. The attribute has a fixed length, so that it can be filled in when all else is written.
+size, that end in zeros. So each file carries a digest of itself, as an attribute of its OpenEXR header, which goes
+where the file goes. The attribute has a fixed length, so that it can be filled in after the rest is written.
 """
 
 from __future__ import annotations
@@ -25,12 +25,11 @@ ATTRIBUTE, DIGITS = "glint:digest", 64  # of the header: SHA-256
 BLANK = "0" * DIGITS  # what the attribute holds until the digest is known, and while it is computed
 # The attribute as it lies in the file: name, type, length, value (OpenEXR File Layout, openexr.com).
 FIELD = f"{ATTRIBUTE}\0string\0".encode() + DIGITS.to_bytes(4, "little")
-# What is digested besides the file's size: so many blocks, spread evenly, with the first and the last; all of a file
-# that has no more. A block is a page, the least that disks and caches lose and the least that a read costs. Whatever
-# is lost in one piece, 1 / 63 of the file or more, meets a block. To read all of 268 MB takes 0.25 s, each time a
-# scene is prepared; these blocks take 0.3 ms, and few seeks where the disk is slow.
+# The digest covers the file's size and so many blocks, spread evenly, with the first and the last, because a read of
+# the whole file would take long: decision 49. Of a smaller file it covers all. A block is a page, the least that disks
+# and caches lose. A loss in one piece of 1 / 63 of the file or more meets a block.
 BLOCK, BLOCKS = 4096, 64
-ROWS = 32  # written at a time: no copy of a whole picture, and two blocks of compressed rows for two threads
+ROWS = 32  # written at a time, so that no whole picture is copied, and two threads have a block of compressed rows each
 
 
 _known_whole = set()  # (path, inode, size, time) of files that `is_whole` has looked at
@@ -78,8 +77,8 @@ def write_whole(path: Path, pixels, *, half: bool = False, pairs=None, steps: St
     """Write RGBA `pixels` (height, width, 4), row 0 at the bottom, to `path`: beside it first, then renamed.
 
     pixels: float32 array or PixelRows. half: 16-bit floats, compressed; else 32-bit and not compressed, because loading
-    must not cost more than reading. pairs: {name: two floats} for the header, see `stored_pairs`. steps: told of each
-    row written; what its listener raises leaves no file. The file carries its digest, see `is_whole`.
+    must not cost more than reading. pairs: {name: two floats} for the header, see `stored_pairs`. steps: counts each
+    row written; an exception that its listener raises leaves no file. The file carries its digest, see `is_whole`.
     Raises TableError if the folder or the disk does not take it.
     """
     try:
@@ -125,7 +124,7 @@ def is_whole(path: Path) -> bool:
 
 
 def _add_digest(path):
-    """Fill in the blank digest of a file that is written but for that."""
+    """Fill in the blank digest of a file that is written but for its digest."""
     with path.open("r+b", buffering=BLOCK) as file:
         place, _, digest = _digests(file)
         file.seek(place)
@@ -133,7 +132,7 @@ def _add_digest(path):
 
 
 def _digests(file) -> tuple[int, bytes, bytes]:
-    """Where a file keeps its digest (0: nowhere), what is written there, and what should be."""
+    """Where a file keeps its digest (0: nowhere), the digest written there, and the right one."""
     size = file.seek(0, SEEK_END)
     digest = hashlib.sha256(str(size).encode())
     place, stored = 0, b""
@@ -149,7 +148,7 @@ def _digests(file) -> tuple[int, bytes, bytes]:
 
 
 def _block_starts(size) -> list[int]:
-    """First byte of each block that is digested: whole pages, but for the last, which ends where the file ends."""
+    """First byte of each block that the digest covers: whole pages, but the last block ends where the file ends."""
     if size <= BLOCK * BLOCKS:
         return list(range(0, size, BLOCK))
     last = size - BLOCK
@@ -172,7 +171,7 @@ def write_image(path: str, pixels, *, half: bool = False, pairs=None, steps: Ste
     output = oiio.ImageOutput.create(path)
     written = output is not None and output.open(path, spec)
     try:
-        # From the top, as the file wants them.
+        # Write rows from the top, as the file stores them.
         for high in range(height, 0, -ROWS):
             low = max(high - ROWS, 0)
             written = written and output.write_scanlines(height - high, height - low, 0, pixels[low:high][::-1])

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import MapError
 
-LARGEST_SIDE = 32768  # texels; Cycles' own limit for a texture on the CPU is far above, memory is not
+LARGEST_SIDE = 32768  # texels; Cycles takes larger textures on the CPU, but memory hardly holds them
 LARGEST_VALUE = 1e6  # of a pixel, in a float image: fourth powers, scaled, must still fit a float32 in the shader
 ROWS = 32  # decoded at a time: they stay in the processor's cache
 CONVENTIONS = ("OPENGL", "DIRECTX")
@@ -16,8 +16,8 @@ def decoded_normals(pixels: np.ndarray, *, convention: str = "OPENGL", name: str
     """Tangent-space normals n = 2 c - 1 of an encoded map.
 
     pixels: (height, width, channels >= 3), values 0..1, row 0 at the bottom as in bpy; convention: 'OPENGL' (+Y up)
-    or 'DIRECTX' (green is flipped). Returns float32 (height, width, 3), not normalised: the Normal Map node
-    normalises after interpolation, so must we.
+    or 'DIRECTX' (green is flipped). Returns float32 (height, width, 3), not normalised, because the Normal Map node
+    normalises after interpolation.
     Raises MapError for a wrong shape, pixels that are NaN, infinite or beyond LARGEST_VALUE, a normal of length 0, or
     a map none of whose normals faces up.
     Source: Cycles, node_normal_map.osl.
@@ -58,7 +58,7 @@ def _decode(pixels, parts, convention, name):
     unusable, without_direction, faces_up = 0, 0, False
     for low, part in zip(range(0, len(pixels), ROWS), parts, strict=True):
         colors = np.asarray(pixels[low : low + ROWS, :, :3], dtype=np.float32)
-        usable = np.abs(colors) <= LARGEST_VALUE  # NaN is not
+        usable = np.abs(colors) <= LARGEST_VALUE  # false for NaN
         if not usable.all():
             unusable += int((~usable.all(axis=2)).sum())
             continue

@@ -1,16 +1,16 @@
-"""How far a bake is, told to whoever wants to know, who may end it by raising."""
+"""Progress of a bake, reported to a listener, which may end the bake by raising an exception."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-STEPS = 200  # at most so many reports: a listener that draws a bar takes a millisecond or more
+STEPS = 200  # most reports of a bake, because a listener that draws a bar takes a millisecond or more
 
 
 class Steps:
     """Counts work and passes on the part of `whole` that is done, 0..1, whenever it has grown by 1 / STEPS.
 
-    progress: called with that part; whatever it raises ends the work. None: nobody listens.
+    progress: called with that part; an exception that it raises ends the work. None: there is no listener.
     start, end: the parts to report before the first and after the last of the work.
     """
 

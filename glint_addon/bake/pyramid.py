@@ -1,17 +1,17 @@
 """The mip pyramid of an image: every level in one atlas file, as osl/image_texture.h reads it.
 
 Cycles' OSL reads a file bilinearly, without levels and black outside 0..1 (it never wraps), so each level carries a
-border of one texel, wrapped, and bilinear fetches anywhere inside a level are right.
+wrapped border of one texel, so that bilinear fetches anywhere inside a level are right.
 
 Layout (a test compares the constants with the header), texels, row 0 at the bottom, alpha beside colour:
 
     level 0 with its border at (0, 0); to its right level 1 at the bottom and the smaller ones above each other;
-    one more column at the right edge, whose texel at the bottom has alpha MAGIC and is 0 elsewhere: Blender's Simplify
-    setting shrinks data textures without a word, and the shader must notice.
+    one more column at the right edge, whose bottom texel has alpha MAGIC and whose other texels are 0: by MAGIC the
+    shader notices that Blender's Simplify setting shrank the file, which it does without a word.
 
 Level 0 is the image as Cycles stores it: alpha associated, and for sRGB images still encoded, because Cycles decodes
-after interpolating. The signal an artist sees is the decoded one, so levels 1, 2, ... are area means of that, in linear
-light. A level's side is half the one below, rounded up.
+after interpolating. An artist sees the decoded image, so levels 1, 2, ... are area means of the decoded image, in
+linear light. A level's side is half the one below, rounded up.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ import numpy as np
 from ..errors import MapError, TableError
 from .float_image import content_digest, is_whole, write_whole
 
-MAGIC = 5344.0  # exact in half floats; any number that no mean of alphas reaches
+MAGIC = 5344.0  # exact in half floats, and no mean of alphas is as large
 BORDER = 1  # texels around each level; bilinear interpolation looks no further
 VERSION = 1  # part of the file's name: raise it when the layout or the filter changes
 LARGEST_SIDE = 16384  # texels; a float atlas of that is 6 GB, more than OpenEXR readers are happy with
-CHUNK = 1 << 16  # texels decoded at a time: they stay in the processor's cache, twice as fast as a million
+CHUNK = 1 << 16  # texels decoded at a time: more do not fit the processor's cache: decision 52
 
-# Two-point Gauss-Legendre in each half of a texel: between texel centres the decoded signal is smooth, and two points
-# give the mean of v^2.4 over any such piece within 0.1 % of white.
+# Two-point Gauss-Legendre in each half of a texel: between texel centres the decoded signal v^2.4 is smooth, so two
+# points give its mean: decision 53.
 _GAUSS = 0.25 / np.sqrt(3.0)
 MEAN_OFFSETS = (-0.25 - _GAUSS, -0.25 + _GAUSS, 0.25 - _GAUSS, 0.25 + _GAUSS)
 
@@ -59,7 +59,7 @@ def level_sizes(width: int, height: int) -> list[tuple[int, int]]:
 
 
 def level_corners(width: int, height: int) -> list[tuple[int, int]]:
-    """Texel (x, y) in the atlas of each level's own bottom left texel, inside its border."""
+    """Texel (x, y) in the atlas of each level's bottom left texel, inside the level's border."""
     sizes = level_sizes(width, height)
     corners = [(BORDER, BORDER)]
     y = BORDER
@@ -177,7 +177,7 @@ def bake_pyramid(stored: np.ndarray, folder, *, encoded: bool, associated: bool,
         raise MapError(f'Image "{name}" has no pixels (shape {stored.shape}): reload it or choose another.')
     if max(stored.shape[:2]) > LARGEST_SIDE:
         raise MapError(f'Image "{name}" is larger than {LARGEST_SIDE} texels a side: scale it down.')
-    # Cycles shows a texel with any value that is not finite as 0.
+    # Cycles shows a texel as 0 if any of its values is not finite.
     stored = np.where(np.isfinite(stored).all(axis=2, keepdims=True), stored, np.float32(0)).astype(np.float32)
     path = Path(folder) / pyramid_name(stored, encoded=encoded, associated=associated, half=half)
     if is_whole(path):

@@ -10,18 +10,20 @@ from collections.abc import Callable
 
 import numpy as np
 
-OUTERMOST = 0.0001  # of the slopes, outside the box on each side of each axis: met by chance alone, each is a firefly
-LEAST_RANGE = 1e-4  # of the box along an axis, in slope: far below any lobe's width
-MARGIN = 1e-3  # of the box's range, on each side: the slopes at its rim are many in an 8-bit map, and belong inside
-LARGEST_SLOPE = 1000.0  # 0.06 degrees above the horizon: steeper normals are seen by no one and would stretch the box
+# Part of the slopes outside the box on each side of each axis: the shader meets them at random, as fireflies:
+# decision 32.
+OUTERMOST = 0.0001
+LEAST_RANGE = 1e-4  # of the box along an axis, in slope: far less than the width of any lobe
+MARGIN = 1e-3  # of the box's range, on each side: many slopes of an 8-bit map lie exactly at the rim
+LARGEST_SLOPE = 1000.0  # 0.06 degrees above the horizon: nobody sees steeper normals, which would stretch the box
 PIECE = 1 << 16  # samples at a time: they stay in the processor's cache
 
 
 def slope_box(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Low and high corner, float32 (2,) each, of the box of slopes that are counted.
 
-    normals: (height, width, 3) of `decoded_normals`. It holds all slopes but the OUTERMOST on each side of each axis,
-    of the normals above the horizon.
+    normals: (height, width, 3) of `decoded_normals`. Of the normals above the horizon the box holds all slopes but the
+    part OUTERMOST on each side of each axis.
     """
     z = normals[..., 2]
     ends = np.empty((2, 2))
@@ -42,10 +44,10 @@ def group_counts(normals, edges_u, edges_v, corners: int, k: int, box, done: Cal
     """Summed-area tables of the four blocks of a group: float32 (corners, corners, 4), as [j, i, block].
 
     normals: float32 (height, width, 3); edges_u, edges_v: first, middle and end texel of the group along each side;
-    k: points along each axis of a patch, 0 for texels; box: `slope_box`; done: told of samples as they are counted.
+    k: points along each axis of a patch, 0 for texels; box: `slope_box`; done: called with counted samples.
     Blocks: low u low v, high u low v, low u high v, high u high v.
     """
-    # Bin b counts at b + 1: what lies below the box falls on row or column 0, what lies above on the last.
+    # Count bin b at b + 1: slopes below the box fall on row or column 0, slopes above it on the last one.
     found = np.zeros((corners + 1, corners + 1, 4), np.int64)
     scale = ((corners - 1) / (box[1] - box[0])).astype(np.float32)
     offset = np.float32(1) - box[0] * scale
@@ -65,7 +67,7 @@ def group_counts(normals, edges_u, edges_v, corners: int, k: int, box, done: Cal
         np.add.at(found.reshape(-1), index.reshape(-1), 1)
         done(samples * (high - low))
 
-    # Corner 0 is below all bins, so that its counts are 0; sums of integers are exact.
+    # Corner 0 is below all bins, so its counts are 0; sums of integers are exact.
     found[0] = 0
     found[:, 0] = 0
     below = found[:corners, :corners].cumsum(axis=0).cumsum(axis=1)

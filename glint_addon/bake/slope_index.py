@@ -1,15 +1,17 @@
 """The index table: the elements of each small block of a normal map, sorted by slope.
 
-For footprints of a hundred to some ten thousand texels, where single glints can still be told apart: of each block
-under the footprint only the elements whose slopes lie near a half vector are visited (the inverse bin map of Atanasov,
+For footprints of a hundred to some thousand texels, where one still sees single glints: of each block under the
+footprint the shader visits only the elements whose slopes lie near a half vector (the inverse bin map of Atanasov,
 Wilkie, Koylazov, Krivanek, "A Multiscale Microfacet Model Based on Inverse Bin Mapping", Eurographics 2021, in blocks).
-It holds no slopes, only where they are: a candidate is then looked up in the table of normals, so nothing is rounded.
+The index holds the places of elements and no slopes: the shader fetches each element from the table of normals, so
+nothing is rounded.
 
 * Elements: texels (Closest), or bilinear patches between texel centres (Linear; the map repeats), see counts.py.
 * Blocks: SIDE x SIDE texels, the last of a row or column cut off at the map's edge.
-* Cells: ROWS x COLUMNS over the block's own slopes (n.x / n.z, n.y / n.z), Strength not applied; slopes beyond fall
-  into the outermost. A patch counts where the middle of its corners' slopes lies, and reaches no farther than the
-  block's margin; wider patches, normals below the horizon and steep ones are the tail, which is always visited.
+* Cells: ROWS x COLUMNS over the slopes of the block (n.x / n.z, n.y / n.z), without Strength; slopes beyond these fall
+  into the outermost cells. A patch belongs to the cell of the middle of its corners' slopes, and reaches no farther
+  than the block's margin. Wider patches, normals below the horizon and steep normals are the tail, which is always
+  visited.
 
 Layout (read by osl/slope_index.h; a test compares the constants): an RGBA float32 OpenEXR file, both sides powers of
 two, texel t at column t % width, row t / width, row 0 at the bottom. Block (i, j) has RECORD texels from
@@ -35,21 +37,22 @@ from .float_image import is_whole, list_shape, table_file_name, write_whole
 from .progress import Steps
 from .slope_counts import LARGEST_SLOPE
 
-MAGIC = 7951.0  # in no table of another kind
+MAGIC = 7951.0  # other kinds of table have other numbers
 VERSION = 3  # part of the content address: raise it when the layout changes
 SIDE = 32  # texels of a block
 COLUMNS, ROWS = 36, 14  # cells along slope u and v: as many as a record has room for
 CELLS = COLUMNS * ROWS
 RECORD = 256  # texels of a block's record
 FIRST_PREFIX, FIRST_ELEMENT = 2, 128
-# Deviations of the slopes from their mean that the cells span; the outermost cells hold what is beyond.
+# Standard deviations of the slopes from their mean that the cells span; the outermost cells hold all slopes beyond.
 SPAN = 2.5
-# Deviations of the patches' half extents above their mean that the margin allows; wider patches are the tail.
+# Standard deviations of the patches' half extents above their mean that the margin allows; wider patches are the
+# tail.
 WIDE = 2.0
 LEAST_MARGIN = 1e-9  # slope: of texels, which have no extent; more than 0, and too little to widen anything
 LEAST_RANGE = 1e-6  # of slopes in a block: a flat block has cells too
-ROUNDING = 1e-5  # relative: patches all alike are not wider than their mean
-INDEXED = 0.96  # part of the work that is done when the index is in memory
+ROUNDING = 1e-5  # relative: rounding must not make patches that are all alike wider than their mean
+INDEXED = 0.96  # part of the work done when the index is in memory
 
 
 def blocks(size: int) -> int:
@@ -65,7 +68,7 @@ def index_shape(width: int, height: int) -> tuple[int, int]:
 def index_texels(normals: np.ndarray, interpolation: str, progress=None) -> np.ndarray:
     """Padded RGBA float32 pixels of the table, row 0 at the bottom; normals: float32 (height, width, 3).
 
-    progress: called with the part that is done, 0..1, often; what it raises ends the work.
+    progress: called often with the part of the work done, 0..1; an exception that it raises ends the work.
     """
     height, width = normals.shape[:2]
     file_width, file_height = index_shape(width, height)
@@ -89,7 +92,7 @@ def bake_index(
 ) -> tuple[Path, bool]:
     """Write the index of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless there and whole.
 
-    progress: called with the part that is done, 0..1, often; what it raises ends the bake.
+    progress: called often with the part of the work done, 0..1; an exception that it raises ends the bake.
     Returns its path and whether it was written now. The file appears whole or not at all.
     Raises TableError if the folder cannot be written to.
     """

@@ -6,11 +6,11 @@ of two, because Cycles fetches exactly only at (i + 0.5) / 2^n.
 * RGB of texel (i, j), row 0 at the bottom: the decoded tangent-space normal.
 * Alpha: for Linear, the largest radius of the four bilinear patches that touch the texel (a patch lies between a texel
   and its right and upper neighbours; the map repeats), a patch's radius being the distance of its farthest corner from
-  their mean. So one fetch in the middle of a patch, where Cycles interpolates, tells whether it can matter: RGB is the
+  their mean. So one fetch in the middle of a patch, where Cycles interpolates, gives bounds of the patch: RGB is the
   mean of its corners, and alpha the mean of four numbers none of which is below its radius. For Closest, 0.
-* Alpha of texel (0, 0) is MAGIC: Blender's Simplify setting shrinks data textures without a word; the shader must
-  notice. The patches that touch this texel, and those across the map's last column or row, whose corners are no
-  neighbours in the file, have no bounds.
+* Alpha of texel (0, 0) is MAGIC, by which the shader notices that Blender's Simplify setting shrank the table: the
+  setting does so without a word. The patches that touch this texel, and those across the map's last column or row,
+  whose corners are no neighbours in the file, have no bounds.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 from .float_image import PixelRows, is_whole, table_file_name, write_whole
 from .progress import Steps
 
-MAGIC = 7919.0  # any number that no filtered alpha can reach by accident
+MAGIC = 7919.0  # far above any alpha of a map, so filtered alphas cannot be equal to it
 VERSION = 3  # part of the content address: raise it when the layout changes
 
 
@@ -98,7 +98,7 @@ def bake_table(
 ) -> tuple[Path, bool]:
     """Write the table of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless there and whole.
 
-    progress: called with the part that is done, 0..1, often; what it raises ends the bake.
+    progress: called often with the part of the work done, 0..1; an exception that it raises ends the bake.
     Returns its path and whether it was written now. The file appears whole or not at all.
     Raises TableError if the folder cannot be written to.
     """
