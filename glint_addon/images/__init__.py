@@ -1,4 +1,4 @@
-"""Blender's images as arrays and as normal maps: what they hold, whether they changed, and copies that read data."""
+"""Blender's images as arrays and as normal maps: their pixels, whether they changed, and copies of them as data."""
 
 from .data_copies import data_image, is_data_copy, remove_unused_copies
 from .normal_map import normal_map_image

@@ -11,7 +11,7 @@ import numpy as np
 from ..bake.openimageio import imported
 from ..errors import MapError
 
-# Blender's alpha modes in which it unassociates alpha before it decodes colours, so that edges keep their colour.
+# Alpha modes of images: Blender divides colours by alpha before it decodes them, so that edges keep their colour.
 ASSOCIATED = ("STRAIGHT", "PREMUL")
 
 
@@ -34,7 +34,7 @@ def stored_values(pixels: np.ndarray, image: bpy.types.Image) -> np.ndarray:
 
 
 def decoded_values(stored: np.ndarray, image: bpy.types.Image) -> np.ndarray:
-    """What Blender makes of the values in the file of a float `image`: scene-linear, alpha associated.
+    """The values in the file of a float `image` as Blender decodes them: scene-linear, alpha associated.
 
     Raises MapError if OpenColorIO cannot convert from the image's colour space.
     """
@@ -50,7 +50,7 @@ def decoded_values(stored: np.ndarray, image: bpy.types.Image) -> np.ndarray:
 
 
 def _alpha(pixels, image):
-    """What colours are divided by where alpha is associated, never 0; and the alpha mode, as far as there is alpha."""
+    """The divisor of colours where alpha is associated, never 0, and the alpha mode of an image with alpha."""
     mode = image.alpha_mode if pixels.shape[2] == 4 else "NONE"
     alpha = pixels[..., 3:] if mode in ASSOCIATED else np.float32(1)
     return np.where(alpha != 0, alpha, np.float32(1)), mode

@@ -1,7 +1,8 @@
 """Copies of images that read them as data, so that images shown as colour need not be touched.
 
-Blender regenerates or reloads an image when its colour space is set, even to what it is, and all that was painted since
-its last save is gone. A copy is marked by strings, never by a pointer, which would keep the original in the file.
+Blender regenerates or reloads an image when its colour space is set, even to the same one, and discards what was
+painted since the image was saved. A copy is marked by strings, not by a pointer, which would keep the original in the
+file.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def is_data_copy(image: bpy.types.Image | None) -> bool:
 
 
 def remove_unused_copies():
-    """Remove the copies that nothing uses any more."""
+    """Remove the copies without users."""
     bpy.data.batch_remove([image for image in bpy.data.images if is_data_copy(image) and image.users == 0])
 
 
@@ -90,21 +91,21 @@ def _fill(copy, original, state):
 
 
 def _contents(image) -> bytes | None:
-    """An image file with the values of `image` as data; None if its own file is one."""
+    """An image file with the values of `image` as data; None if the image's file holds them already."""
     if not is_unsaved(image):
         return None if image.packed_file is None else image.packed_file.data
     from ..bake.image_bytes import image_bytes  # OpenImageIO, which no other image needs
     from .color_spaces import stored_values
 
     pixels = read_pixels(image)
-    # What no file has held yet is as somebody wrote it; Blender decodes the floats of a file when it loads them.
+    # Pixels that were never in a file are as somebody wrote them; Blender decodes a file's floats when it loads it.
     if image.is_float and image.source == "FILE":
         pixels = stored_values(pixels, image)
     return image_bytes(pixels, is_float=image.is_float, name=image.name)
 
 
 def _path_here(image) -> str:
-    """The path of an image's file as an image of this .blend file has it: relative if the image's own is."""
+    """The path of an image's file as an image of this .blend file has it: relative if the image's path is relative."""
     if image.library is None or not image.filepath.startswith("//") or not bpy.data.filepath:
         return image.filepath if image.library is None else str(image_path(image))
     try:
@@ -114,6 +115,6 @@ def _path_here(image) -> str:
 
 
 def _content(copy) -> str:
-    """Cheaply told, and the same wherever the .blend file is moved: name of its file, bytes packed."""
+    """What tells an image's pixels cheaply, wherever the .blend file is moved: name of its file, bytes packed."""
     packed = copy.packed_file.size if copy.packed_file is not None else ""
     return f"{copy.source}|{image_path(copy).name}|{packed}"

@@ -41,7 +41,7 @@ def _opened(path):
     except MapError:
         bpy.data.images.remove(image)
         raise
-    # Blender finds the space itself: configurations name it "Non-Color", "Raw" or otherwise.
+    # Let Blender find the colour space: configurations name it "Non-Color", "Raw" or otherwise.
     image.colorspace_settings.is_data = True
     return image
 

@@ -1,4 +1,4 @@
-"""Pixels of Blender's images, those of layered files too, which Blender itself does not give away."""
+"""Pixels of Blender's images, also of layered files, whose pixels Blender gives to its Image Editor alone."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ def read_pixels(image: bpy.types.Image) -> np.ndarray:
 
 
 def layer_pixels(image: bpy.types.Image) -> np.ndarray:
-    """What Cycles shows of an image of layers, as it is stored: float32 (height, width, up to 4 channels).
+    """The layer that Cycles shows of a layered image, as it is stored: float32 (height, width, up to 4 channels).
 
     Raises MapError if the file is damaged.
     """
     from ..bake.layers import first_layer
 
     pixels = first_layer(image_path(image), _packed(image))
-    # Of a packed file Cycles associates even the alpha of data, unlike of any other.
+    # Cycles associates alpha of a packed file even if it is data, and not of other data.
     is_straight = image.alpha_mode == "STRAIGHT" and image.colorspace_settings.is_data
     if is_straight and image.packed_file is not None and pixels.shape[2] == 4:
         pixels[..., :3] *= pixels[..., 3:]
@@ -63,7 +63,7 @@ def image_shape(image: bpy.types.Image) -> tuple[int, int, int]:
 
 def is_layered(image: bpy.types.Image) -> bool:
     """Whether `image` is an OpenEXR file of layers, whose size and pixels Blender gives only to its Image Editor."""
-    # Only its type, which Blender knows after it has tried to read the file, tells it from a damaged one.
+    # Ask for the type, which Blender knows after an attempt to read the file: only the type tells a damaged file.
     return 0 in image.size[:] and image.type == "MULTILAYER"
 
 

@@ -1,4 +1,4 @@
-"""Whether an image changed: one string for what it holds now."""
+"""Whether an image changed: a string that is the same as long as the pixels are."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .pixels import image_path, read_pixels
 
 
 def image_stamp(image: bpy.types.Image) -> str:
-    """Changes whenever the file of `image` does; "" where that cannot be told (generated, packed or painted images)."""
+    """A string that changes with the file of `image`; "" if it has no clean file (generated, packed or painted)."""
     if image.source != "FILE" or image.packed_file or image.is_dirty:
         return ""
     path = image_path(image)
@@ -24,10 +24,10 @@ def image_stamp(image: bpy.types.Image) -> str:
 
 
 def image_state(image: bpy.types.Image) -> str:
-    """Changes whenever the values do that `image` holds as data; "" for a file that is missing.
+    """A string that changes with the values that `image` holds as data; "" for a missing file.
 
-    `image_stamp` of a clean file, whose colour space changes none of its values; else a digest, which reads all that is
-    packed or painted.
+    It is `image_stamp` for a clean file whose colour space changes no values, else a digest, which reads all packed or
+    painted pixels.
     """
     if is_unsaved(image):
         return _pixels_digest(image)
@@ -45,7 +45,7 @@ class ImageStates(dict):
 
 
 def file_digest(image: bpy.types.Image) -> str:
-    """A digest of the file of `image`, the same wherever and whenever it was copied to; "" if it is no clean file."""
+    """A digest of the file of `image`, which is the same for copies of the file; "" if the image has no clean file."""
     stamp = image_stamp(image)
     return _file_digest(image_path(image), stamp) if stamp else ""
 
@@ -64,7 +64,7 @@ def is_unsaved(image: bpy.types.Image) -> bool:
 
 
 def _pixels_digest(image) -> str:
-    # Blender keeps floats of a file decoded: the values the file would hold depend on how.
+    # Blender keeps floats of a file decoded: the values in the file depend on the colour space they were decoded from.
     space = image.colorspace_settings
     reading = "" if space.is_data or not image.is_float else f"{space.name}|{image.alpha_mode}"
     return f"pixels|{image.size[0]}x{image.size[1]}|{reading}|{_digest(read_pixels(image).data)}"

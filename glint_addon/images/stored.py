@@ -12,10 +12,10 @@ from ..errors import MapError
 from . import is_layered, layer_pixels, read_pixels
 from .color_spaces import decoded_values, scene_linear
 
-# Cycles keeps sRGB images encoded in memory, if its working space has the same primaries.
+# Cycles keeps sRGB images encoded in memory if its working space has the same primaries.
 SRGB = "sRGB"
 SRGB_LINEAR = "Linear Rec.709"
-# Sources whose pixels change while rendering or are many images in one.
+# Sources whose pixels change during a render, or that consist of several images.
 REFUSED_SOURCES = {
     "TILED": "is a UDIM image, which has no single mip pyramid",
     "MOVIE": "is a movie, whose pixels change with the frame",
@@ -35,7 +35,7 @@ class StoredImage:
 
 
 def stored_image(image: bpy.types.Image) -> StoredImage:
-    """What Cycles holds of `image`: alpha associated unless it is data, sRGB still encoded, all else scene-linear.
+    """`image` as Cycles holds it: alpha associated unless it is data, sRGB still encoded, other spaces scene-linear.
 
     Raises MapError for images without pixels, UDIM tiles, movies and sequences, and colour spaces that OpenColorIO
     cannot convert. Source: Cycles, scene/image_oiio.cpp, util/image_metadata.cpp, util/colorspace.cpp.
@@ -95,5 +95,5 @@ def cycles_keeps_encoding(image: bpy.types.Image) -> bool:
 
 
 def _is_float(image) -> bool:
-    """Layers are floats, though Blender, which does not load them, does not say so."""
+    """Whether an image holds floats: layered files do, though Blender does not load them and does not say so."""
     return image.is_float or is_layered(image)
