@@ -1,1 +1,1 @@
-"""What the world holds for glints to look for: suns of skies and bright spots of pictures, and which way they lie."""
+"""Lights of the world as hints: suns of skies, bright spots of pictures, and the directions in which they lie."""

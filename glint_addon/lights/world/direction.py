@@ -1,4 +1,4 @@
-"""From what a world's texture shows to directions in world space: its Mapping nodes backwards."""
+"""From directions in a world's texture to directions in world space: its Mapping nodes backwards."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ PLAIN_COORDINATES = {("ShaderNodeTexCoord", "Generated"), ("ShaderNodeNewGeometr
 
 
 class UnreadableMappingError(Exception):
-    """Why a texture's coordinates cannot be followed, in words."""
+    """A texture's coordinates cannot be followed; the text says why."""
 
 
 def in_world(world, texture, vector: list[Sum], angles: Angles) -> list[Sum]:
-    """The direction in world space in which `texture` shows what its own unit direction `vector` holds.
+    """The direction in world space in which `texture` shows its point `vector`, a unit direction in its own space.
 
     Raises UnreadableMappingError.
     """
@@ -39,7 +39,7 @@ def in_world(world, texture, vector: list[Sum], angles: Angles) -> list[Sum]:
 
 
 def _unmapped(world, mapping, groups, vector, angles) -> list[Sum]:
-    """The vector that a Mapping node makes `vector` of.
+    """The vector from which a Mapping node makes `vector`.
 
     Cycles (kernel/svm/mapping_util.h), with a rotation R and a scale S that at most mirrors: Point, Vector and Normal
     give R S v, Texture S R^-1 v.

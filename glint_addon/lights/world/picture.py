@@ -10,14 +10,14 @@ import numpy as np
 from ...bake.openimageio import oiio, opened
 from ...images import read_pixels
 
-ROWS = 64  # of a file read at a time: all of a picture at once would take its memory twice
+ROWS = 64  # of a file read at a time: to read all at once would take a picture's memory twice
 RGB = ("R", "G", "B")
 
 
 def linear_pixels(image: bpy.types.Image) -> np.ndarray | None:
     """Scene-linear pixels (height, width, 3 or more) of a still image, row 0 at the bottom; None if it has none.
 
-    A file of linear floats that Blender has not loaded is read without it, which takes a third of the time or less.
+    A file of linear floats that Blender has not loaded is read without Blender, which is faster: decision 54.
     """
     is_loaded = image.has_data
     pixels = None if is_loaded or image.packed_file else _pixels_of_file(image)
@@ -31,13 +31,13 @@ def linear_pixels(image: bpy.types.Image) -> np.ndarray | None:
     if pixels.shape[2] < len(RGB):
         pixels = pixels[..., :1].repeat(len(RGB), axis=2)
     if not is_float and not image.colorspace_settings.is_data:
-        # Bytes come as they are stored: as sRGB, whose curve is near enough to that of other displays.
+        # Blender gives bytes as they are stored: decode them as sRGB, whose curve is close to that of other displays.
         pixels = np.where(pixels <= 0.04045, pixels / 12.92, ((pixels + 0.055) / 1.055) ** 2.4)
     return pixels
 
 
 def _pixels_of_file(image) -> np.ndarray | None:
-    """The same, float32, from a file of linear floats; None if there is no such file, or it holds something else."""
+    """The same pixels, float32, from a file of linear floats; None if the file is missing or holds other values."""
     path = Path(image.filepath_from_user())
     space = image.colorspace_settings
     if image.source != "FILE" or not (space.is_data or space.name.startswith("Linear")) or not path.is_file():

@@ -19,7 +19,7 @@ class Equirectangular:
         self.height, self.width = height, width
 
     def solid_angle(self, rows, columns) -> np.ndarray:
-        """Of the texels at integer rows and columns [sr]."""
+        """Solid angle [sr] of the texels at integer rows and columns."""
         low, high = ((rows + step) * pi / self.height - pi / 2 for step in (0, 1))
         return (np.sin(high) - np.sin(low)) * 2 * pi / self.width + 0 * columns
 
@@ -40,7 +40,7 @@ class MirrorBall:
         self.height, self.width = height, width
 
     def solid_angle(self, rows, columns) -> np.ndarray:
-        """Of the texels at integer rows and columns [sr], 0 for those whose centre is off the disk."""
+        """Solid angle [sr] of the texels at integer rows and columns, 0 if a texel's centre is off the disk."""
         x, z = self._place(rows, columns)
         return np.where(x**2 + z**2 <= 1, 16 / (self.width * self.height), 0.0)
 

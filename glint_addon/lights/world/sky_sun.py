@@ -1,4 +1,4 @@
-"""The sun of a Sky Texture: where it is, how wide and about how strong.
+"""The sun of a Sky Texture: its place, its width, and an estimate of its strength.
 
 Blender's drivers cannot follow the properties of a node, only its sockets: a sun that moves is written as keys.
 """
@@ -15,8 +15,8 @@ PLACE = ("sun_elevation", "sun_rotation", "sun_size")  # properties of the node,
 SKIES_WITH_SUN = {"SINGLE_SCATTERING", "MULTIPLE_SCATTERING"}
 SMALLEST_DIAMETER = 0.0005  # radians; Cycles widens smaller suns to it (SkyTextureNode::get_sun_size)
 
-# Irradiance [W/m^2] of the sun above the air, in red, where it is strongest, and the depth of air and aerosols of
-# density 1 above sea level: measured from renders of both skies. Both suns keep within a third of it above 2 degrees.
+# Irradiance [W/m^2] of the sun above the air, in red, where it is strongest, and the optical depths of air and aerosols
+# of density 1 above sea level, fitted to renders of both skies: decision 47.
 SUN_IRRADIANCE = 170.0
 AIR_DEPTH = 0.05
 AEROSOL_DEPTH = 0.03
@@ -48,7 +48,7 @@ def sun_over_time(scene, node) -> tuple[Keyed | float, ...] | None:
 
 
 def sun_irradiance(node) -> float:
-    """About how much the sun shines [W/m^2] at its place now, or from above if its height is animated."""
+    """Estimated irradiance [W/m^2] of the sun at its place now, or from above if its height is animated."""
     tree = node.id_data
     height = 1.0 if is_animated(tree, node.path_from_id(PLACE[0])) else max(sin(node.sun_elevation), 0.0)
     depth = AIR_DEPTH * node.air_density + AEROSOL_DEPTH * node.aerosol_density
@@ -56,7 +56,7 @@ def sun_irradiance(node) -> float:
 
 
 def air_mass(height: float) -> float:
-    """Air on the way of a ray that rises by `height`, the sine of its elevation, in that of an upright one.
+    """Mass of air along a ray whose elevation has the sine `height`, relative to the mass along an upright ray.
 
     Kasten and Young, "Revised optical air mass tables and approximation formula", Applied Optics 28, 1989.
     """

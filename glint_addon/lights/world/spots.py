@@ -12,14 +12,14 @@ from .projections import PROJECTIONS
 # Blocks across a picture's width: of 0.7 degrees, about the size of the sun, so that a spot is one or a few of them.
 BLOCKS = 512
 
-# A spot sends out this share of all the picture's light, or it is none: Cycles looks towards it no more often.
-# Measured at 16 spp, its hint divides the noise of the whole by 9 at a share of 0.9, by 3 at 0.1, by 1.5 at 0.01.
+# Least share of a spot in all the picture's light: Cycles samples a fainter spot so rarely that a hint gains little:
+# decision 45.
 SHARE = 0.01
-# A spot is this many times brighter than the picture's mean. One of `SHARE` and a radius of 5 degrees is so 5 times.
+# Least brightness of a spot, in means of the picture. A spot of `SHARE` and a radius of 5 degrees has 5.
 BRIGHTNESS = 4.0
-# Where a spot falls below this part of its peak it ends; beyond is its glow. The limb of the sun has 0.4.
+# A spot ends where its radiance falls below this part of its peak; beyond lies its glow. The limb of the sun has 0.4.
 EDGE = 0.1
-# The radius of a spot holds this part of its light; a disk's is 0.95 of its true one.
+# Part of a spot's light within its radius; for a disk, this radius is 0.95 of the true one.
 HELD = 0.9
 # Linear interpolation spreads 0.9 of a texel's light to this many texels from its centre; a whole texel has 0.71.
 TEXEL_RADIUS = 0.75
@@ -29,7 +29,7 @@ NEIGHBOURS = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1) if (r
 
 @dataclass(frozen=True)
 class Spot:
-    """A place of the picture: unit vector towards it, radius [rad], irradiance [W/m^2] of what it adds to the rest."""
+    """A spot: unit vector towards it, radius [rad], irradiance [W/m^2] that it adds to its surroundings."""
 
     direction: tuple[float, float, float]
     half_angle: float
@@ -39,7 +39,7 @@ class Spot:
 def bright_spots(pixels: np.ndarray, projection: str, widest: float) -> tuple[list[Spot], int]:
     """Spots of an environment picture, strongest first, and how many reach beyond a radius of `widest` [rad].
 
-    pixels: linear radiance (height, width, 3 or more), row 0 at the bottom; what is negative or not finite counts as
+    pixels: linear radiance (height, width, 3 or more), row 0 at the bottom; negative and not finite values count as
     black, as in Cycles. projection: EQUIRECTANGULAR or MIRROR_BALL.
     """
     view = PROJECTIONS[projection](*pixels.shape[:2])
@@ -99,14 +99,14 @@ def strength(pixels) -> np.ndarray:
 
 
 def _regions(radiance, threshold, wraps):
-    """Sets of connected blocks around peaks above `threshold`, brightest first; a peak's own glow is left out."""
+    """Sets of connected blocks around peaks above `threshold`, brightest first, without the glow of each peak."""
     taken = np.zeros(radiance.shape, bool)
     bright = np.argwhere(radiance > threshold)
     for peak in bright[np.argsort(-radiance[tuple(bright.T)], kind="stable")]:
         peak = tuple(map(int, peak))
         if taken[peak]:
             continue
-        # The brightest block of a glow touches what it surrounds.
+        # Leave out a glow: its brightest block touches the spot that it surrounds.
         is_glow = any(taken[block] for block in _around(peak, radiance.shape, wraps))
         region = _flooded(peak, radiance, max(threshold, EDGE * radiance[peak]), taken, wraps)
         if not is_glow:
@@ -114,7 +114,7 @@ def _regions(radiance, threshold, wraps):
 
 
 def _flooded(peak, radiance, level, taken, wraps):
-    """The free blocks above `level` that are connected to `peak`; they are taken then."""
+    """The free blocks above `level` that are connected to `peak`, which this takes from the free ones."""
     taken[peak] = True
     region = [peak]
     for block in region:  # grows meanwhile
@@ -136,9 +136,9 @@ def _around(block, shape, wraps):
 
 
 def _measured(blocks, region, owned) -> Spot:
-    """Middle, radius and irradiance of what stands out of a region's surroundings, from its own texels.
+    """Middle, radius and irradiance of the light of a region above that of its surroundings, from the region's texels.
 
-    owned: the blocks of all regions; what lies around one may be another's.
+    owned: the blocks of all regions; a block beside a region may belong to another region.
     """
     shape, wraps = blocks.radiance.shape, blocks.view.wraps
     edge = [block for block in _rim(region, shape, wraps) if block not in owned]
@@ -150,7 +150,7 @@ def _measured(blocks, region, owned) -> Spot:
     middle = power @ direction
     middle /= max(np.linalg.norm(middle), np.finfo(float).tiny)
 
-    # By the chord: the cosine of a small angle is too rough.
+    # Find angles by the chord, because the cosine of a small angle is too rough.
     angle = 2 * np.arcsin(np.minimum(np.linalg.norm(direction - middle, axis=1) / 2, 1))
     order = np.argsort(angle)
     held = np.cumsum(power[order])

@@ -10,7 +10,7 @@ from ..node_numbers import number, source
 
 SENDERS = {"ShaderNodeBackground", "ShaderNodeEmission"}
 TEXTURES = {"ShaderNodeTexEnvironment", "ShaderNodeTexSky"}
-# What is small and bright before these nodes is so after them. They are taken to change no power.
+# Nodes that leave small bright places small and bright. They are taken to change no power.
 COLOUR_CHANGES = {"ShaderNodeBrightContrast", "ShaderNodeClamp", "ShaderNodeGamma", "ShaderNodeHueSaturation",
                   "ShaderNodeMath", "ShaderNodeRGBCurve", "ShaderNodeRGBToBW", "ShaderNodeVectorMath"}
 EVEN = {"ShaderNodeBlackbody", "ShaderNodeLightPath", "ShaderNodeRGB", "ShaderNodeValue", "ShaderNodeWavelength"}
@@ -22,8 +22,8 @@ UNKNOWN = 'its node "{}" cannot be looked into: small lights behind it are left 
 class Texture:
     """A texture that the world shines with.
 
-    node: its node; groups: the group nodes around it, outermost first; factor: what its radiance is multiplied with, as
-    far as it can be told, at most over time.
+    node: its node; groups: the group nodes around it, outermost first; factor: the number by which its radiance is
+    multiplied, as far as the nodes tell, and the largest over time.
     """
 
     node: bpy.types.ShaderNode
@@ -42,7 +42,7 @@ def world_textures(world) -> tuple[list[Texture], list[str]]:
 
 
 class _Walk:
-    """Follows shader and colour sockets, gathering what it finds."""
+    """Follows shader and colour sockets and gathers the textures found."""
 
     def __init__(self, world):
         self.world, self.factors, self.left_out = world, {}, []
@@ -70,7 +70,7 @@ class _Walk:
             self.left_out.append(UNKNOWN.format(node.name))
 
     def colour(self, socket, groups, factor):
-        """Follow a colour socket whose light is multiplied by `factor`; nothing is to be found in an even colour."""
+        """Follow a colour socket whose light is multiplied by `factor`; an even colour has no spots."""
         end, groups = source(socket, groups)
         if factor <= 0 or end is None or not end.is_output:
             return
@@ -92,8 +92,8 @@ class _Walk:
         """How much the first and the second of two mixed inputs count, at most over time."""
         end, _ = source(socket, groups)
         if end is not None and end.is_output and end.node.bl_idname == "ShaderNodeLightPath":
-            # Neither light that is looked for at a surface nor what a surface mirrors is a camera ray. Of other kinds
-            # of rays the first is none and the second may be.
+            # Rays to a light and mirrored rays are no camera rays, so the first input counts alone. Mirrored rays may
+            # be of the other kinds, so both inputs count.
             return (1.0, 0.0) if end.name == "Is Camera Ray" else (1.0, 1.0)
         factor = number(self.world, socket, groups)
         if factor is None or factor.moves:

@@ -1,4 +1,4 @@
-"""Vectors turned by angles that may move: numbers now, and driver expressions that need no Python.
+"""Vectors turned by angles that may be animated: present numbers, and driver expressions without Python.
 
 A sum {("cos(a0)", "sin(a1)"): 0.5, (): 2} is 0.5 cos(a0) sin(a1) + 2. A vector is a list of three sums.
 """
@@ -14,17 +14,17 @@ Sum = dict[tuple[str, ...], float]
 
 DIGITS = 9  # of coefficients after the point; sockets hold seven
 NOTHING = 10.0**-DIGITS
-LONGEST_EXPRESSION = 255  # Blender cuts a driver's expression after it
+LONGEST_EXPRESSION = 255  # characters: Blender cuts a longer expression of a driver
 
 
 class Angles:
-    """The angles of one calculation: what drivers know them by, and their present sines and cosines."""
+    """The angles of one calculation: their names in drivers, and their present sines and cosines."""
 
     def __init__(self):
         self._variables, self._values = [], {}
 
     def cos_sin(self, angle: Number) -> tuple[Sum, Sum]:
-        """Cosine and sine of an angle [rad]: numbers, or factors where it moves."""
+        """Cosine and sine of an angle [rad]: numbers, or factors where the angle is animated."""
         if not angle.moves:
             return {(): cos(angle.value)}, {(): sin(angle.value)}
         name = f"a{len(self._variables)}"
@@ -34,14 +34,14 @@ class Angles:
         return tuple({(factor,): 1.0} for factor in factors)
 
     def now(self, vector: list[Sum]) -> tuple[float, ...]:
-        """A vector's numbers at present."""
+        """The present numbers of a vector."""
         return tuple(
             sum(part * prod(self._values[factor] for factor in factors) for factors, part in entry.items())
             for entry in vector
         )
 
     def over_time(self, vector: list[Sum]) -> tuple[Driven | float, ...] | None:
-        """A vector's numbers as drivers where they move; None if one is longer than Blender takes."""
+        """The numbers of a vector, as drivers where they are animated; None if Blender would cut an expression."""
         words = [expression(entry) for entry in vector]
         if max(map(len, words)) > LONGEST_EXPRESSION:
             return None
