@@ -35,8 +35,8 @@ DEVIATIONS = 3.0  # standard deviations of a map's slopes that its steepest face
 FLATTEST = 1e-4  # slope: a map without facets still has rounding
 LEAST_ROUGHNESS = 1e-3  # of a facet: a mirror's glints have no finite noise
 STEEPEST = np.radians(89.0)
-# Noise of the parts of a surface where a light looks small, relative to that where it is so large that there is next to
-# none, for the light not to be looked for.
+# Largest part of a light's noise that may be on patches where the light looks smaller than SOFT_HALF_ANGLE, for the
+# light to need no hint.
 SMALL_NOISE = 0.1
 LEAST_SCALING = 1e-3  # relative change of a light's size over an animation that makes its noise another
 
@@ -61,7 +61,7 @@ def facets_of(nodes) -> Facets | None:
 class Judgement:
     """reached: whether some facet mirrors the light to a camera; noise: as `noise.noise_in_remainder`, of what
     a camera sees of the object, with the chance that the map has facets which mirror the light; is_soft: whether at
-    every frame next to all of it is where the light looks larger than SOFT_HALF_ANGLE."""
+    every frame nearly all of this noise is on patches where the light looks larger than SOFT_HALF_ANGLE."""
 
     reached: bool
     noise: float
@@ -103,7 +103,7 @@ def _judgement(hint, views, moved, facets) -> Judgement:
         return Judgement(True, inf, False)
     reached, noise, is_soft = views.has_mirrors, 0.0, not views.has_mirrors
     nothing_moves = is_still(lamps) and all(patches is moved[0][0] for patches, _ in moved)
-    # What lies behind a lamp or outside its cone, always, shows no glint of it, wherever that is mirrored.
+    # Leave out patches that are always behind the lamp or outside its cone: they show no glint of it: decision 44.
     lit = _may_be_lit(hint, lamps[0], moved[0][0]) if nothing_moves else slice(None)
     for camera in views.cameras:
         still = nothing_moves and all((view.inverse == camera[0].inverse).all() for view in camera)
@@ -162,7 +162,7 @@ def _noise(hint, matrix, view, patches, met, facets) -> np.ndarray:
 
 
 def _is_soft(hint, matrix, patches, deviations) -> bool:
-    """Whether next to all of a light's noise is on patches that see it as large as lights that are not looked for."""
+    """Whether nearly all of a light's noise is on patches where the light looks larger than SOFT_HALF_ANGLE."""
     if hint.object is None or hint.object.type != "LIGHT" or hint.kind == KIND_SUN:
         return False  # suns are as large everywhere, and of meshes only the bounds are known here
     radius = np.sqrt(kind_of(hint.object).cross_section(lamp_at(hint.object, matrix)) / np.pi)
