@@ -42,7 +42,7 @@ def shutter_ways(scene, layers, hints) -> dict[Hint, Way]:
         return {}
     frames = np.arange(scene.frame_start, scene.frame_end + 1)
     opens, middle, closes = (MIDDLES[scene.render.motion_blur_position] + side for side in (-0.5, 0.0, 0.5))
-    # At the frame, and at three times in the shutter.
+    # Look at the frame, and at three times in the shutter: a hint that stays at the frame misses its light: decision 48.
     shutter = scene.render.motion_blur_shutter
     offsets = {hint: shutter * np.array([0.0, *((opens, middle, closes) if is_blurred(hint) else (middle,) * 3)])
                for hint in hints if hint.direction is None}
