@@ -1,6 +1,6 @@
-"""Cycles' switch for Open Shading Language: on where glints have a light to look for, else not Glint's to switch on.
+"""Cycles' switch for Open Shading Language: Glint switches it on only where some glint has a light with a hint.
 
-With it every material of a scene is slower, Blender's own nodes too: 1.3 to 1.6 times a sample, measured.
+Open Shading Language makes all materials of a scene slower, also Blender's own nodes: decision 55.
 """
 
 from __future__ import annotations

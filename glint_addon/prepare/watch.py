@@ -15,7 +15,7 @@ from bpy.app.handlers import persistent
 INTERVAL = 1.0  # seconds between two looks at what was changed in Blender
 SOON = 0.1  # seconds from opening a file to the first look
 FILES_INTERVAL = 2.0  # seconds between two looks at files, which change without a word from Blender
-# Of all time at most this part goes into looking: painted maps are read, which takes up to a second.
+# Largest part of all time that looks may take: a look reads painted maps, which is slow: decision 56.
 LARGEST_SHARE = 0.02
 
 
