@@ -2,7 +2,7 @@
 
 import textwrap
 
-# Measured in Blender 5.2's default font: an average character of a sentence is this many pixels wide at scale 1.
+# Mean width in pixels at scale 1 of a character of a sentence in Blender 5.2's default font: decision 57.
 CHARACTER_WIDTH = 5.9
 MARGIN = 70  # pixels at scale 1: the panel's borders, the box and the icon
 SHORTEST_LINE = 20  # characters; below this the panel is too narrow to care
