@@ -1,4 +1,4 @@
-"""The copies of objects that only an evaluated scene knows: of geometry nodes, particles, faces, nested collections."""
+"""Copies of objects that exist only in an evaluated scene: of geometry nodes, particles, faces, nested collections."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mathutils import Matrix
 
 from ..animation.motion import KEEPS_THE_BOX, is_fixed
 
-NO_ID = 2**31 - 1  # fills the places of a persistent id that are not used
+NO_ID = 2**31 - 1  # Blender's filler for unused places of a persistent id
 # Nodes whose result depends on the frame by itself.
 NODES_OF_TIME = {"GeometryNodeInputSceneTime", "GeometryNodeSimulationOutput", "GeometryNodeInputActiveCamera"}
 
@@ -27,7 +27,7 @@ class Copy:
 def copies(layers, shown) -> dict[Copy, Matrix]:
     """World matrices of all copies by the objects `shown` in the view layers, but for those that `is_plain`.
 
-    What is hidden in the viewport is missing: Blender evaluates copies as in renders only while it renders.
+    Copies that are hidden in the viewport are missing, because Blender evaluates them only while it renders.
     """
     parents, found = set(shown), {}
     for layer in layers:
@@ -35,7 +35,7 @@ def copies(layers, shown) -> dict[Copy, Matrix]:
             if entry.is_instance and entry.show_self and entry.parent.original in parents:
                 numbers = tuple(number for number in entry.persistent_id if number != NO_ID)
                 copy = Copy(entry.instance_object.original, entry.parent.original, numbers)
-                # A curve shows itself as the mesh it makes.
+                # Leave out the mesh that a curve makes of itself.
                 if not _is_plain(copy) and copy.source != copy.parent:
                     found.setdefault(copy, entry.matrix_world.copy())
     return found

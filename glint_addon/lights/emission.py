@@ -1,8 +1,9 @@
-"""How brightly materials and the nodes of lamps shine: an estimate from shader nodes, to rank lights by.
+"""How brightly materials and the nodes of lamps shine: an estimate from shader nodes, by which lights are ranked.
 
-For materials it is Cycles' own (`output_estimate_emission` in scene/shader.cpp), which decides what is sampled as a
-light: a linked colour or strength that only rendering could tell counts as 1, mixed shaders by their factor. Numbers
-that are animated count at their highest key. Of lamps profiles (IES), falloffs and products are looked into as well.
+For materials it is the estimate of Cycles (`output_estimate_emission` in scene/shader.cpp), which decides what Cycles
+samples as a light: a linked colour or strength counts as 1 if only a render could compute it, and mixed shaders count
+by their factor. Animated numbers count at their highest key. For lamps the estimate also follows profiles (IES),
+falloffs and products.
 """
 
 from __future__ import annotations
@@ -10,15 +11,15 @@ from __future__ import annotations
 from .ies import peak_strength
 from .node_numbers import number, source
 
-# Cycles samples emission on its own account ("Auto") above this radiance [W/(m^2 sr)].
+# With the setting Auto, Cycles samples emission as a light above this radiance [W/(m^2 sr)].
 LEAST_SAMPLED = 0.5
 UNKNOWN = 1.0  # a colour or strength that is not a plain number
 
 
 def sampled_radiance(material) -> float:
-    """Highest channel of the radiance [W/(m^2 sr)] that `material` sends out; 0 if Cycles meets it by chance alone.
+    """Highest channel of the radiance [W/(m^2 sr)] of `material`; 0 if Cycles does not sample it as a light.
 
-    Hints would not help there: what a chosen facet mirrors is found no sooner than what a random one does.
+    Hints would not help there: only rays that meet such a light by chance find it, from a chosen facet too.
     """
     tree = material.node_tree if material else None
     output = tree.get_output_node("CYCLES") if tree else None
@@ -29,7 +30,7 @@ def sampled_radiance(material) -> float:
 
 
 def lamp_factor(light) -> tuple[float, float, float]:
-    """What the nodes of a lamp multiply its light with at most, linear RGB."""
+    """The largest factor, linear RGB, by which the nodes of a lamp multiply its light."""
     tree = light.node_tree
     if tree is None:
         return 1.0, 1.0, 1.0
@@ -38,7 +39,7 @@ def lamp_factor(light) -> tuple[float, float, float]:
 
 
 def _radiance(holder, socket, groups, strength_of) -> tuple[float, float, float]:
-    """Linear RGB that comes in at a shader socket within `groups`; strength_of: estimates a strength."""
+    """Linear RGB radiance at a shader socket within `groups`; strength_of: function that estimates a strength."""
 
     def radiance(entry):
         return _radiance(holder, entry, groups, strength_of)

@@ -1,4 +1,4 @@
-"""What is known of one light that the lobe looks for, whatever sends it out."""
+"""A hint: what the lobe knows of one light, be it a lamp, an emissive mesh or a part of the world."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Pose:
 class Instance:
     """A light that the scene shows as a copy of the light or emissive mesh `source`.
 
-    instancer: the object whose collection `source` is in, which drivers follow too. None where no driver can follow:
-    then `poses` hold, of all frames of the scene, one alone if the copy never moves.
+    instancer: the object that instances the collection of `source`, which drivers follow too. None where drivers cannot
+    follow: then `poses` has the copy's pose at each frame of the scene, or one pose if the copy never moves.
     """
 
     source: bpy.types.Object
@@ -43,13 +43,13 @@ class Instance:
 
 @dataclass(frozen=True)
 class Hint:
-    """A light worth looking for.
+    """A light for which the lobe selects facets.
 
     name: as reports show it; kind: KIND_SUN or KIND_LOCAL; power: estimated irradiance [W/m^2] on the glints, for
     ranking only; size: half-angle [rad] of a sun, bounding radius [m] of other lights; object: the light or emissive
     mesh that drivers follow, None for the world and for copies; direction: unit vector towards a light of the world, in
     world space, at the present frame; live: its direction (3 numbers), kind and size, driven or with keys, None where
-    nothing moves; instance: of what it is a copy; ball: of an emissive mesh, None for lamps.
+    nothing moves; instance: for a copy, what it copies; ball: of an emissive mesh, None for lamps.
     """
 
     name: str
@@ -74,5 +74,5 @@ class Hint:
         return self.name, library.filepath if library else ""
 
     def middle(self, matrix) -> tuple[float, float, float]:
-        """Where the light's middle is in world space [m] when the world matrix of its object is `matrix`."""
+        """Middle of the light in world space [m] for the world matrix `matrix` of its object."""
         return tuple(Matrix(matrix) @ Vector(self.ball.centre if self.ball else (0.0, 0.0, 0.0)))

@@ -1,6 +1,6 @@
-"""Which lights of a scene the glint lobe looks for, and why the others are left out.
+"""Which lights of a scene get a hint, and why the others get none.
 
-A light left out still lights glints correctly, only as noisily as Blender's own nodes would show it.
+Glints of a light without a hint are right in the mean, with the noise of Blender's own nodes.
 """
 
 from __future__ import annotations

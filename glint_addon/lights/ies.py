@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-# What Cycles multiplies with where there is no profile, or none that it can read (`kernel_ies_interp`).
+# Factor of Cycles where a profile is missing or cannot be read (`kernel_ies_interp`).
 WITHOUT_PROFILE = 100.0
 # Candela to the watts of a lamp that shines all around: luminous efficacy of daylight, 177.83 lumens a watt.
 WATTS = 4 * pi / 177.83
@@ -32,7 +32,7 @@ def _text(node) -> str:
 
 @lru_cache(maxsize=64)
 def _largest(text) -> float:
-    """Largest value of a profile [W]. Raises ValueError if it is none."""
+    """Largest value of a profile [W]. Raises ValueError if the text is no profile."""
     _, mark, rest = text.replace(",", " ").partition("\nTILT=")
     kind, _, rest = rest.partition("\n")
     numbers = rest.split()

@@ -1,9 +1,9 @@
 """Copies of lights and emissive meshes -> hints: of instanced collections, geometry nodes, particles, faces.
 
-A light in a collection that an empty instances is followed by drivers, which multiply both matrices. No driver knows of
-other copies (geometry nodes, particles, instances within instances): their places are constants, or keys at all frames
-of the scene where anything about them may move, if any is shown at the present one; prepare the scene again when these
-change.
+Drivers follow a light in a collection that an empty instances: they multiply both matrices. Drivers cannot follow other
+copies (geometry nodes, particles, instances within instances): their places are constants, or keys at all frames of the
+scene if anything that places them may move and a copy is shown at the present frame. The scene must be prepared again
+when these change.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ UNLINKED = "light linking excludes every object with glints"
 
 
 class _Finder:
-    """Hints of copies; each source is judged once, however many copies of it there are."""
+    """Hints of copies; each source is judged once, whatever the number of its copies."""
 
     def __init__(self, layers, receivers, bounds):
         self.layers, self.receivers, self.bounds = layers, receivers, bounds
@@ -37,7 +37,7 @@ class _Finder:
         return thing.type == "LIGHT" or shines(thing, self.layers, self.radiances)
 
     def add(self, name, source, shower, matrix, instance):
-        """Judge the copy of `source` that object `shower` shows where `matrix` says; note its hint, or why not."""
+        """Judge the copy of `source` that object `shower` shows at `matrix`; note its hint or the reason for none."""
         reason = self._reason(source) or ("" if shower.visible_glossy else INVISIBLE)
         if reason:
             self.skipped.append((name, reason))

@@ -1,6 +1,6 @@
-"""Sockets of shader nodes followed to what feeds them: through reroutes, groups, muted nodes, to numbers that may move.
+"""Sockets of shader nodes followed to their sources: through reroutes, groups, muted nodes, to numbers.
 
-Where a node lies is told as its socket and `groups`, the group nodes that one went into to reach it, outermost first.
+A node inside groups is named by its socket and `groups`, the group nodes around it, outermost first.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ COMBINED = {"X": 0, "Y": 1, "Z": 2}
 class Number:
     """A property that holds one number: its value now and at its keys' peak, whether it moves, and where it is.
 
-    owner, path: what a driver reads it by. A node tree inside a data-block is read through that: drivers of a bare
+    owner, path: by which a driver reads it. A node tree inside a data-block is read through that: drivers of a bare
     embedded tree are not updated.
     """
 
@@ -31,7 +31,7 @@ class Number:
 
 
 def source(socket, groups=()):
-    """What feeds input `socket`: (output of a node, groups), or (unlinked input that holds the value, groups).
+    """The source of input `socket`: (output of a node, groups), or (unlinked input that holds the value, groups).
 
     (None, groups) where a muted node lets nothing through, or a group has lost its output or its input.
     """
@@ -63,7 +63,7 @@ def _same(sockets, socket):
 
 
 def number(holder, socket, groups=(), axis=None) -> Number | None:
-    """What a socket holds (its component `axis`, 0 to 2, if it is a vector), or None where only Cycles could tell.
+    """The number at a socket (component `axis`, 0 to 2, of a vector), or None where only Cycles computes it.
 
     holder: the data-block whose own node tree the nodes outside of groups are in.
     """

@@ -8,7 +8,7 @@ from ..animation.motion import copies_others
 from ..materials.worn import worn_materials
 from ..nodes.glint_bsdf import is_glint_group
 
-MOST_COPIES = 64  # of an object: lights are ranked by where it is, and the next copy is near
+MOST_COPIES = 64  # of an object: lights are ranked by its places, and further copies are near those
 
 
 def glint_objects(objects, layers) -> list:

@@ -1,7 +1,7 @@
-"""How lights move while the shutter is open, beside where drivers put their hints: at the frame itself.
+"""How lights move while the shutter is open, relative to their places at the frame, where drivers put the hints.
 
-Cycles blurs emissive meshes. Lamps it does not: it renders them where they are in the middle of the shutter, which is
-another place than at the frame only where the scene's shutter starts or ends there.
+Cycles blurs emissive meshes, but renders lamps unblurred at their place in the middle of the shutter. This differs from
+the place at the frame only if the scene's shutter starts or ends at the frame.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .hint import Hint
 
 # Middle of the shutter after the frame, in shutters.
 MIDDLES = {"CENTER": 0.0, "START": 0.5, "END": -0.5}
-# Smaller ways [m, or of a unit vector] are rounding of matrices.
+# Least way [m, or of a unit vector]: shorter ways are rounding of matrices.
 LEAST_WAY = 1e-5
 
 Numbers = tuple[Keyed | float, ...]
@@ -25,8 +25,8 @@ Numbers = tuple[Keyed | float, ...]
 
 @dataclass(frozen=True)
 class Way:
-    """What to add to a hint's place, X, Y, Z in its unit: `shift` in the middle of the shutter, and `reach` more when
-    it closes, less when it opens."""
+    """Offsets of a hint's place, X, Y, Z in its unit: `shift` in the middle of the shutter, `shift + reach` when it
+    closes, `shift - reach` when it opens."""
 
     shift: Numbers
     reach: Numbers
@@ -35,14 +35,14 @@ class Way:
 def shutter_ways(scene, layers, hints) -> dict[Hint, Way]:
     """The ways of those of `hints` that move while the shutter is open, over the frames of `scene`.
 
-    None without motion blur. Matrices must be current; where more than keys moves a light, or what it hangs on, every
-    frame is set, and the present one again. `layers` are the view layers that count.
+    None without motion blur. Matrices must be current. If a light or one of its parents is moved by more than keys,
+    every frame is set, and then the present frame again. `layers` are the view layers that count.
     """
     if not scene.render.use_motion_blur:
         return {}
     frames = np.arange(scene.frame_start, scene.frame_end + 1)
     opens, middle, closes = (MIDDLES[scene.render.motion_blur_position] + side for side in (-0.5, 0.0, 0.5))
-    # Look at the frame, and at three times in the shutter: a hint that stays at the frame misses its light: decision 48.
+    # Look at the frame and at three times in the shutter: a hint that stays at the frame misses its light: decision 48.
     shutter = scene.render.motion_blur_shutter
     offsets = {hint: shutter * np.array([0.0, *((opens, middle, closes) if is_blurred(hint) else (middle,) * 3)])
                for hint in hints if hint.direction is None}
@@ -62,7 +62,7 @@ def _way(frames, points) -> Way | None:
     """The way of a light at `points` (f, 4, 3): at each of the f frames, and as the shutter opens, is half open and
     closes then."""
     at_frame, first, half_way, last = points.swapaxes(0, 1)
-    # A straight way, at a steady speed, that strays least from the two pieces which Cycles makes of it.
+    # Find the straight way at a steady speed that differs least from the two straight pieces of Cycles.
     shift, reach = (first + 2 * half_way + last) / 4 - at_frame, (last - first) / 2
     if max(np.abs(shift).max(), np.abs(reach).max()) < LEAST_WAY:
         return None
@@ -96,8 +96,8 @@ def _hint_places(scene, layers, frames, offsets) -> dict[Hint, np.ndarray]:
 
 
 def _place(hint, matrices) -> np.ndarray:
-    """As the drivers have it (`lights.drivers`): from the world matrix of the hint's object, or of the empty that
-    instances its collection and of the object in that."""
+    """The place as drivers compute it (`lights.drivers`): from the world matrix of the hint's object, or from those of
+    the empty that instances its collection and of the object in the collection."""
     matrix = np.array(matrices[0])
     if hint.instance:
         offset = np.eye(4)
@@ -109,14 +109,14 @@ def _place(hint, matrices) -> np.ndarray:
 
 
 def _of_poses(hint, times) -> np.ndarray:
-    """Places of a copy whose places at whole frames are known, which keys join by straight lines."""
+    """Places of a copy between whole frames, on straight lines between the known places at whole frames, as of keys."""
     shown = [pose for pose in hint.instance.poses if pose.place is not None]
     frames, points = [pose.frame for pose in shown], np.array([pose.place for pose in shown])
     return np.stack([np.interp(times, frames, points[:, axis]) for axis in range(3)], axis=-1)
 
 
 def _at_set_frames(scene, layers, times) -> dict[Hint, np.ndarray]:
-    """Places of hints at `times` {hint: (f, k)}, read at each of these."""
+    """Places of hints at `times` {hint: (f, k)}, read after each of these times was set."""
     found = {hint: np.zeros((*at.shape, 3)) for hint, at in times.items()}
     present, subframe = scene.frame_current, scene.frame_subframe
     try:

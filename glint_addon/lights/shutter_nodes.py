@@ -1,7 +1,7 @@
 """Nodes in the group "Glint Lights" that put a hint where its light is when a ray is sent, while the shutter is open.
 
-No node of Blender's own knows the time of a ray, so a Script node tells it; all else are Math nodes. Lights that
-move within a shutter in no scene have none of these nodes.
+Blender has no node for the time of a ray, so a Script node gives it; the other nodes are Math nodes. A light that moves
+within no scene's shutter has none of these nodes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ STILL = (0.0, 0.0, 0.0)
 def read_ways(group) -> None:
     """Let each light of the group move by what the scene being rendered says, where any scene has it move.
 
-    What is as wanted is not touched. Raises SceneError if the group lacks a node.
+    Numbers that are right already are not written. Raises SceneError if the group lacks a node.
     """
     moving = [slot for slot in range(1, HINT_COUNT + 1)
               if is_used(set_of(group), slot, SHIFT) or is_used(set_of(group), slot, REACH)]
@@ -80,7 +80,7 @@ def _remove_nodes(group, slot):
     for name in (_shift_name, _reach_name, _shifted_name, _moved_name):
         node = _node(group, name(slot))
         for socket in node.inputs if name in (_shift_name, _reach_name) else ():
-            write_number(socket, 0.0)  # takes its driver away
+            write_number(socket, 0.0)  # this removes the socket's driver
         group.nodes.remove(node)
     builder.arrange(group)
 
