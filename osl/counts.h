@@ -781,23 +781,24 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
             float y = m.first2[c] / m.mass[c];
             float xx = m.square1[c] / m.mass[c] - x * x;
             float yy = m.square2[c] / m.mass[c] - y * y;
-            float p1 = p11 * x + p12 * y;
-            float p2 = p21 * x + p22 * y;
-            float c11 = p11 * p11 * xx + p12 * p12 * yy + m.spread_u * hint.turn_u1 * hint.turn_u1 +
-                        m.spread_v * hint.turn_v1 * hint.turn_v1;
-            float c12 = p11 * p21 * xx + p12 * p22 * yy + m.spread_u * hint.turn_u1 * hint.turn_u2 +
-                        m.spread_v * hint.turn_v1 * hint.turn_v2;
-            float c22 = p21 * p21 * xx + p22 * p22 * yy + m.spread_u * hint.turn_u2 * hint.turn_u2 +
-                        m.spread_v * hint.turn_v2 * hint.turn_v2;
+            SlopeMoments slopes;
+            slopes.p1 = p11 * x + p12 * y;
+            slopes.p2 = p21 * x + p22 * y;
+            slopes.c11 = p11 * p11 * xx + p12 * p12 * yy + m.spread_u * hint.turn_u1 * hint.turn_u1 +
+                         m.spread_v * hint.turn_v1 * hint.turn_v1;
+            slopes.c12 = p11 * p21 * xx + p12 * p22 * yy + m.spread_u * hint.turn_u1 * hint.turn_u2 +
+                         m.spread_v * hint.turn_v1 * hint.turn_v2;
+            slopes.c22 = p21 * p21 * xx + p22 * p22 * yy + m.spread_u * hint.turn_u2 * hint.turn_u2 +
+                         m.spread_v * hint.turn_v2 * hint.turn_v2;
             /* Move the lobes of wide bins at random, or the gaps between them would lie at the same slopes in all
              * samples. */
             float jitter1 = grid.stride1 == 1 && width1 > CELL_NARROW ? random[0] - 0.5 : 0.0;
             float jitter2 = grid.stride2 == 1 && width2 > CELL_NARROW ? random[1] - 0.5 : 0.0;
-            p1 += p11 * jitter1 + p12 * jitter2;
-            p2 += p21 * jitter1 + p22 * jitter2;
+            slopes.p1 += p11 * jitter1 + p12 * jitter2;
+            slopes.p2 += p21 * jitter1 + p22 * jitter2;
             /* Add in this order: Cycles flattens sum + x only 16 deep and drops the rest. */
-            w *= merged_reflection(hint, alpha, p1, p2, c11, c12, c22);
-            sum = w * glint_closure(distribution, hint, alpha, p1, p2, c11, c12, c22) + sum;
+            w *= merged_reflection(hint, alpha, slopes);
+            sum = w * glint_closure(distribution, hint, alpha, slopes) + sum;
             closures += 1;
           }
         }

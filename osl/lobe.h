@@ -45,11 +45,12 @@ closure color patch_closure(string distribution, float alpha, Patch patch, Hit h
   slope_axes(frame, around);
   PatchSlopes slopes;
   patch_slopes(around, patch, hit.i - hit.u, hit.j - hit.v, slopes);
-  float c11, c12, c22;
   float deviation = sqrt(KERNEL_VARIANCE);
-  patch_covariance(slopes, hit.u - hit.i, hit.v - hit.j, deviation * footprint.ux, deviation * footprint.vx,
-                   deviation * footprint.uy, deviation * footprint.vy, c11, c12, c22);
-  return glint_closure(distribution, around, alpha, 0, 0, c11, c12, c22);
+  PatchPart part = { hit.u - hit.i, hit.v - hit.j, deviation * footprint.ux, deviation * footprint.vx,
+                     deviation * footprint.uy, deviation * footprint.vy };
+  SlopeMoments m = { 0.0, 0.0, 0.0, 0.0, 0.0 };
+  patch_covariance(slopes, part, m);
+  return glint_closure(distribution, around, alpha, m);
 }
 
 /* Sum of the closures of a selection and of the remainder. total: the sum to which the selection's weights are
@@ -65,21 +66,17 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
     w = w > 0.0 ? roulette(w, seed_1, seed_2, k) : 0.0;
     if (w > 0.0) {
       int hint = s.merged ? k / s.cells : s.hint[k];
-      float p1 = s.p1[k];
-      float p2 = s.p2[k];
-      float c11 = s.c11[k];
-      float c12 = s.c12[k];
-      float c22 = s.c22[k];
+      SlopeMoments m = { s.p1[k], s.p2[k], s.c11[k], s.c12[k], s.c22[k] };
       if (s.merged) {
-        p1 = s.cell_p1[k] / weight;
-        p2 = s.cell_p2[k] / weight;
-        c11 = max(s.cell_c11[k] / weight - p1 * p1, 0.0);
-        c12 = s.cell_c12[k] / weight - p1 * p2;
-        c22 = max(s.cell_c22[k] / weight - p2 * p2, 0.0);
-        w *= merged_reflection(hints[hint], alpha, p1, p2, c11, c12, c22);
+        m.p1 = s.cell_p1[k] / weight;
+        m.p2 = s.cell_p2[k] / weight;
+        m.c11 = max(s.cell_c11[k] / weight - m.p1 * m.p1, 0.0);
+        m.c12 = s.cell_c12[k] / weight - m.p1 * m.p2;
+        m.c22 = max(s.cell_c22[k] / weight - m.p2 * m.p2, 0.0);
+        w *= merged_reflection(hints[hint], alpha, m);
       }
       /* Add in this order: Cycles flattens sum + x only 16 deep and drops the rest. */
-      sum = w * glint_closure(distribution, hints[hint], alpha, p1, p2, c11, c12, c22) + sum;
+      sum = w * glint_closure(distribution, hints[hint], alpha, m) + sum;
       closures += 1;
     }
   }

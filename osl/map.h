@@ -133,25 +133,42 @@ int patch_slope(HalfVector hint, PatchSlopes s, float a, float b, output float p
   return p1 * p1 + p2 * p2 < hint.radius * hint.radius;
 }
 
-/* Covariance J S J^T of the slopes around (a, b) for positions of covariance S, which is given by two position offsets
- * of one standard deviation each. */
-void patch_covariance(PatchSlopes s, float a, float b, float first_a, float first_b, float second_a, float second_b,
-                      output float c11, output float c12, output float c22)
+/* A place in a patch and the positions around it, given by two offsets of one standard deviation each. */
+struct PatchPart {
+  float a;
+  float b;
+  float first_a;
+  float first_b;
+  float second_a;
+  float second_b;
+};
+
+/* Slopes of an element or a cell around a half vector: their mean and covariance. */
+struct SlopeMoments {
+  float p1;
+  float p2;
+  float c11;
+  float c12;
+  float c22;
+};
+
+/* Covariance J S J^T of the slopes in a part of a patch, whose positions have the covariance S. */
+void patch_covariance(PatchSlopes s, PatchPart part, output SlopeMoments m)
 {
-  vector form = s.origin + a * s.by_a + b * (s.by_b + a * s.by_ab);
-  vector by_a = s.by_a + b * s.by_ab;
-  vector by_b = s.by_b + a * s.by_ab;
+  vector form = s.origin + part.a * s.by_a + part.b * (s.by_b + part.a * s.by_ab);
+  vector by_a = s.by_a + part.b * s.by_ab;
+  vector by_b = s.by_b + part.a * s.by_ab;
   float p1 = form[0] / form[2];
   float p2 = form[1] / form[2];
-  vector first = (first_a * by_a + first_b * by_b) / form[2];
-  vector second = (second_a * by_a + second_b * by_b) / form[2];
+  vector first = (part.first_a * by_a + part.first_b * by_b) / form[2];
+  vector second = (part.second_a * by_a + part.second_b * by_b) / form[2];
   float e1 = first[0] - p1 * first[2];
   float e2 = first[1] - p2 * first[2];
   float g1 = second[0] - p1 * second[2];
   float g2 = second[1] - p2 * second[2];
-  c11 = e1 * e1 + g1 * g1;
-  c12 = e1 * e2 + g1 * g2;
-  c22 = e2 * e2 + g2 * g2;
+  m.c11 = e1 * e1 + g1 * g1;
+  m.c12 = e1 * e2 + g1 * g2;
+  m.c22 = e2 * e2 + g2 * g2;
 }
 
 /* A patch is cut until a part spans no more than this many alpha: a uniform spread that narrow, convolved with the lobe

@@ -124,16 +124,15 @@ void visit_texel(output Map map, HalfVector first, HalfVector hints[8], int from
     }
   }
   if (found >= 0) {
-    select_element(s, hints, found, weight, p1, p2, 0, 0, 0);
+    SlopeMoments m = { p1, p2, 0.0, 0.0, 0.0 };
+    select_element(s, hints, found, weight, m);
   }
 }
 
-/* Visit one patch for the hints from `from` to before `to`; in MODE_POINTS only its point (a, b), which stands for a
- * part of the footprint with the standard deviations (first_a, first_b) and (second_a, second_b). offset: of the
- * patch's lower left corner. */
-void visit_patch(output Map map, HalfVector hints[8], int from, int to, float alpha, int mode, int i,
-                 int j, float offset_u, float offset_v, float a, float b, float first_a, float first_b,
-                 float second_a, float second_b, float weight, output Selection s)
+/* Visit one patch for the hints from `from` to before `to`, cut into parts; in MODE_POINTS only the part `place`.
+ * offset: of the patch's lower left corner. */
+void visit_patch(output Map map, HalfVector hints[8], int from, int to, float alpha, int mode, int i, int j,
+                 float offset_u, float offset_v, PatchPart place, float weight, output Selection s)
 {
   /* Skip a patch that no hint can select, by one fetch. */
   if (patch_has_bounds(map.width, map.height, i, j)) {
@@ -155,32 +154,32 @@ void visit_patch(output Map map, HalfVector hints[8], int from, int to, float al
   int columns = mode == MODE_POINTS ? 1 : patch_columns(patch, alpha);
   int rows = mode == MODE_POINTS ? 1 : patch_rows(patch, alpha);
   float part_weight = weight / (columns * rows);
+  PatchPart part = place;
+  if (mode != MODE_POINTS) {
+    part.first_a = UNIFORM_DEVIATION / columns;
+    part.second_b = UNIFORM_DEVIATION / rows;
+  }
   for (int h = from; h < to; ++h) {
     PatchSlopes slopes;
     if (patch_slopes(hints[h], patch, offset_u, offset_v, slopes)) {
-      for (int part = 0; part < columns * rows; ++part) {
-        float part_a = mode == MODE_POINTS ? a : (part % columns + 0.5) / columns;
-        float part_b = mode == MODE_POINTS ? b : (part / columns + 0.5) / rows;
-        float p1, p2;
-        if (patch_slope(hints[h], slopes, part_a, part_b, p1, p2)) {
+      for (int k = 0; k < columns * rows; ++k) {
+        if (mode != MODE_POINTS) {
+          part.a = (k % columns + 0.5) / columns;
+          part.b = (k / columns + 0.5) / rows;
+        }
+        SlopeMoments m;
+        if (patch_slope(hints[h], slopes, part.a, part.b, m.p1, m.p2)) {
           /* Select a normal for the first hint in whose region it lies. */
           int taken = 0;
           for (int g = 0; g < h && !taken; ++g) {
             PatchSlopes other;
             float q1, q2;
             taken = patch_slopes(hints[g], patch, offset_u, offset_v, other) &&
-                    patch_slope(hints[g], other, part_a, part_b, q1, q2);
+                    patch_slope(hints[g], other, part.a, part.b, q1, q2);
           }
           if (!taken) {
-            float c11, c12, c22;
-            if (mode == MODE_POINTS) {
-              patch_covariance(slopes, a, b, first_a, first_b, second_a, second_b, c11, c12, c22);
-            }
-            else {
-              patch_covariance(slopes, part_a, part_b, UNIFORM_DEVIATION / columns, 0, 0, UNIFORM_DEVIATION / rows,
-                               c11, c12, c22);
-            }
-            select_element(s, hints, h, part_weight, p1, p2, c11, c12, c22);
+            patch_covariance(slopes, part, m);
+            select_element(s, hints, h, part_weight, m);
           }
         }
       }
@@ -197,6 +196,7 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
 {
   float total = 0;
   HalfVector first = hints[0];
+  PatchPart place = { 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 };
   float odds = random_1;
 
   if (mode == MODE_ALL) {
@@ -226,8 +226,7 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
         if (is_drawn(sure, odds, weight)) {
           visited += 1;
           if (map.is_linear) {
-            visit_patch(map, hints, 0, hint_count, alpha, MODE_ALL, i, j, du - 0.5, dv - 0.5, 0, 0, 0, 0, 0, 0,
-                        weight, s);
+            visit_patch(map, hints, 0, hint_count, alpha, MODE_ALL, i, j, du - 0.5, dv - 0.5, place, weight, s);
           }
           else {
             visit_texel(map, first, hints, 0, hint_count, i, j, du, dv, weight, s);
@@ -247,6 +246,10 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
     /* Find the part of the footprint that one point stands for, no wider than half a patch: another patch has other
      * slopes. */
     float share = min(sqrt(KERNEL_VARIANCE / points), LARGEST_SPREAD / footprint.long_axis);
+    place.first_a = share * footprint.ux;
+    place.first_b = share * footprint.vx;
+    place.second_a = share * footprint.uy;
+    place.second_b = share * footprint.vy;
     for (int k = 0; k < points; ++k) {
       float x, y;
       float a = random_1 + k * PLASTIC_1;
@@ -261,9 +264,9 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
       total += 1.0;
       visited += 1;
       if (map.is_linear) {
-        visit_patch(map, hints, 0, hint_count, alpha, mode, i, j, column - u, row - v, point_u - column,
-                    point_v - row, share * footprint.ux, share * footprint.vx, share * footprint.uy,
-                    share * footprint.vy, 1.0, s);
+        place.a = point_u - column;
+        place.b = point_v - row;
+        visit_patch(map, hints, 0, hint_count, alpha, mode, i, j, column - u, row - v, place, 1.0, s);
       }
       else {
         /* Take the view at the point: the texel's centre may lie far outside a thin footprint. */

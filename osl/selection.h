@@ -96,30 +96,29 @@ int cell_index(int cells, int hint, float x, float y)
   return hint * cells + first + clamp(sector, 0, sectors - 1);
 }
 
-void add_to_cell(output Selection s, int hint, float radius, float weight, float p1, float p2, float c11, float c12,
-                 float c22)
+/* Add one element to its cell; radius: of the hint's region. */
+void add_to_cell(output Selection s, int hint, float radius, float weight, SlopeMoments m)
 {
   float off = cells_off(radius, s.alpha);
-  int cell = cell_index(s.cells, hint, p1 / radius - off * s.middle_1, p2 / radius - off * s.middle_2);
+  int cell = cell_index(s.cells, hint, m.p1 / radius - off * s.middle_1, m.p2 / radius - off * s.middle_2);
   s.cell_weight[cell] += weight;
-  s.cell_p1[cell] += weight * p1;
-  s.cell_p2[cell] += weight * p2;
-  s.cell_c11[cell] += weight * (p1 * p1 + c11);
-  s.cell_c12[cell] += weight * (p1 * p2 + c12);
-  s.cell_c22[cell] += weight * (p2 * p2 + c22);
+  s.cell_p1[cell] += weight * m.p1;
+  s.cell_p2[cell] += weight * m.p2;
+  s.cell_c11[cell] += weight * (m.p1 * m.p1 + m.c11);
+  s.cell_c12[cell] += weight * (m.p1 * m.p2 + m.c12);
+  s.cell_c22[cell] += weight * (m.p2 * m.p2 + m.c22);
 }
 
 /* Keep one selected element: by itself while the budget lasts, else merged into its cell. */
-void select_element(output Selection s, HalfVector hints[8], int hint, float weight, float p1, float p2, float c11,
-                    float c12, float c22)
+void select_element(output Selection s, HalfVector hints[8], int hint, float weight, SlopeMoments m)
 {
   if (!s.merged && s.count < s.limit) {
     s.weight[s.count] = weight;
-    s.p1[s.count] = p1;
-    s.p2[s.count] = p2;
-    s.c11[s.count] = c11;
-    s.c12[s.count] = c12;
-    s.c22[s.count] = c22;
+    s.p1[s.count] = m.p1;
+    s.p2[s.count] = m.p2;
+    s.c11[s.count] = m.c11;
+    s.c12[s.count] = m.c12;
+    s.c22[s.count] = m.c22;
     s.hint[s.count] = hint;
     s.count += 1;
     return;
@@ -136,10 +135,11 @@ void select_element(output Selection s, HalfVector hints[8], int hint, float wei
       s.cell_c22[k] = 0;
     }
     for (int k = 0; k < s.limit; ++k) {
-      add_to_cell(s, s.hint[k], hints[s.hint[k]].radius, s.weight[k], s.p1[k], s.p2[k], s.c11[k], s.c12[k], s.c22[k]);
+      SlopeMoments kept = { s.p1[k], s.p2[k], s.c11[k], s.c12[k], s.c22[k] };
+      add_to_cell(s, s.hint[k], hints[s.hint[k]].radius, s.weight[k], kept);
     }
   }
-  add_to_cell(s, hint, hints[hint].radius, weight, p1, p2, c11, c12, c22);
+  add_to_cell(s, hint, hints[hint].radius, weight, m);
 }
 
 /* A facet of normal n reflects by 1 / (n.I), which at a grazing view changes across a merged cell. This is the
@@ -147,20 +147,20 @@ void select_element(output Selection s, HalfVector hints[8], int hint, float wei
  * normal (slope p, covariance c). The mean slope of these facets is p alpha^2/2 (alpha^2/2 + c)^-1: the mean of the
  * product of the cell's distribution and the lobe. Returns 1 for a single facet, and 1 on average over cells around the
  * light. Without it wide cells are too bright: decision 35. */
-float merged_reflection(HalfVector hint, float alpha, float p1, float p2, float c11, float c12, float c22)
+float merged_reflection(HalfVector hint, float alpha, SlopeMoments m)
 {
   float s = 0.5 * alpha * alpha;
-  float m1 = p1;
-  float m2 = p2;
-  if (min(c11, c22) > 0.0) {
-    float determinant = (s + c11) * (s + c22) - c12 * c12;
-    m1 = s * ((s + c22) * p1 - c12 * p2) / determinant;
-    m2 = s * ((s + c11) * p2 - c12 * p1) / determinant;
+  float m1 = m.p1;
+  float m2 = m.p2;
+  if (min(m.c11, m.c22) > 0.0) {
+    float determinant = (s + m.c11) * (s + m.c22) - m.c12 * m.c12;
+    m1 = s * ((s + m.c22) * m.p1 - m.c12 * m.p2) / determinant;
+    m2 = s * ((s + m.c11) * m.p2 - m.c12 * m.p1) / determinant;
   }
   float a1 = dot(hint.t1, I);
   float a2 = dot(hint.t2, I);
   float height = dot(hint.h, I);
-  float at_mean = (height + a1 * p1 + a2 * p2) / sqrt(1.0 + p1 * p1 + p2 * p2);
+  float at_mean = (height + a1 * m.p1 + a2 * m.p2) / sqrt(1.0 + m.p1 * m.p1 + m.p2 * m.p2);
   float at_light = (height + a1 * m1 + a2 * m2) / sqrt(1.0 + m1 * m1 + m2 * m2);
   return at_mean > 0.0 && at_light > 0.0 ? at_mean / at_light : 1.0;
 }
@@ -168,17 +168,16 @@ float merged_reflection(HalfVector hint, float alpha, float p1, float p2, float 
 /* Least squared width of a closure, in alpha^2: cells of counts.h may have a negative covariance. */
 #define LEAST_SHARE 0.5
 
-/* Anisotropic closure of one element or cell of mean slope p and slope covariance c around the half vector. */
-closure color glint_closure(string distribution, HalfVector hint, float alpha, float p1, float p2, float c11, float c12,
-                            float c22)
+/* Anisotropic closure of one element or cell. */
+closure color glint_closure(string distribution, HalfVector hint, float alpha, SlopeMoments m)
 {
-  normal n = normalize(hint.h + p1 * hint.t1 + p2 * hint.t2);
+  normal n = normalize(hint.h + m.p1 * hint.t1 + m.p2 * hint.t2);
 
   /* Foreshorten slopes around h as seen from n: by 1 / (1 + p^2) along p, by its square root across. */
-  float shrink = pow(1.0 + p1 * p1 + p2 * p2, -1.5);
-  float mean = 0.5 * (c11 + c22) * shrink;
-  float half_difference = 0.5 * (c11 - c22) * shrink;
-  float off = c12 * shrink;
+  float shrink = pow(1.0 + m.p1 * m.p1 + m.p2 * m.p2, -1.5);
+  float mean = 0.5 * (m.c11 + m.c22) * shrink;
+  float half_difference = 0.5 * (m.c11 - m.c22) * shrink;
+  float off = m.c12 * shrink;
   float radius = sqrt(half_difference * half_difference + off * off);
   float alpha2 = alpha * alpha;
 

@@ -138,6 +138,7 @@ struct Search {
 void visit_listed(output Map map, Index index, Search search, HalfVector hint, HalfVector hints[8], int k, float alpha,
                   int is_listed, int start, int end, output Selection s, output int visited)
 {
+  PatchPart whole = { 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 };
   for (int group = start / 8; 8 * group < end; ++group) {
     float fourth = 0;
     color pairs = 0;
@@ -157,8 +158,8 @@ void visit_listed(output Map map, Index index, Search search, HalfVector hint, H
       if (weight > 0.0 && x < search.columns) {
         visited += 1;
         if (map.is_linear) {
-          visit_patch(map, hints, k, k + 1, alpha, MODE_INDEX, search.column + x, search.row + y, du - 0.5, dv - 0.5, 0, 0,
-                      0, 0, 0, 0, weight, s);
+          visit_patch(map, hints, k, k + 1, alpha, MODE_INDEX, search.column + x, search.row + y, du - 0.5, dv - 0.5,
+                      whole, weight, s);
         }
         else {
           visit_texel(map, hint, hints, k, k + 1, search.column + x, search.row + y, du, dv, weight, s);

@@ -341,12 +341,13 @@ PATCH_BODY = HINT_BODY + """
   patch.n01 = vector(in[22], in[23], in[24]); patch.n11 = vector(in[25], in[26], in[27]);
   vector n = patch_normal(patch, in[30], in[31]);
   PatchSlopes s;
-  float p1 = 0; float p2 = 0; float c11 = 0; float c12 = 0; float c22 = 0;
+  SlopeMoments m = { 0.0, 0.0, 0.0, 0.0, 0.0 };
+  PatchPart part = { in[30], in[31], in[32], in[33], in[34], in[35] };
   out[0] = n[0]; out[1] = n[1]; out[2] = n[2];
   out[3] = patch_slopes(hint, patch, in[28], in[29], s);
-  out[4] = patch_slope(hint, s, in[30], in[31], p1, p2);
-  patch_covariance(s, in[30], in[31], in[32], in[33], in[34], in[35], c11, c12, c22);
-  out[5] = p1; out[6] = p2; out[7] = c11; out[8] = c12; out[9] = c22;
+  out[4] = patch_slope(hint, s, in[30], in[31], m.p1, m.p2);
+  patch_covariance(s, part, m);
+  out[5] = m.p1; out[6] = m.p2; out[7] = m.c11; out[8] = m.c12; out[9] = m.c22;
   out[10] = patch_columns(patch, in[36]); out[11] = patch_rows(patch, in[36]);
 """
 
@@ -398,7 +399,8 @@ SELECTION_BODY = """
   for (int k = 0; k < 7 * repeats; ++k) {
     int e = 3 + 6 * (k % 7);
     float scale = 1.0 - (k / 7) / 16.0;
-    select_element(s, hints, k % 2, in[e], scale * in[e + 1], scale * in[e + 2], in[e + 3], in[e + 4], in[e + 5]);
+    SlopeMoments m = { scale * in[e + 1], scale * in[e + 2], in[e + 3], in[e + 4], in[e + 5] };
+    select_element(s, hints, k % 2, in[e], m);
   }
   out[0] = s.merged; out[1] = s.count;
   for (int k = 0; k < (s.merged ? 2 * s.cells : s.count); ++k) {
@@ -474,13 +476,13 @@ VISIT_BODY = """
   Map map;
   map.table = "{file}"; map.width = {width}; map.height = {height};
   map.inverse_padded_width = 1.0 / padded_size({width}); map.inverse_padded_height = 1.0 / padded_size({height});
-  map.strength = in[16]; map.is_linear = 1; map.fetches = 0;
+  map.strength = in[16]; map.is_linear = 1; map.kept = 0; map.fetches = 0;
   HalfVector hints[8];
   hints[0] = hint;
   Selection s;
   s.count = 0; s.merged = 0; s.limit = closure_limit(1); s.cells = hint_cells(1);
-  visit_patch(map, hints, 0, 1, 0.01, MODE_POINTS, (int)in[17], (int)in[18], -in[19], -in[20], in[19], in[20],
-              0, 0, 0, 0, 1.0, s);
+  PatchPart place = {{ in[19], in[20], 0.0, 0.0, 0.0, 0.0 }};
+  visit_patch(map, hints, 0, 1, 0.01, MODE_POINTS, (int)in[17], (int)in[18], -in[19], -in[20], place, 1.0, s);
   out[0] = s.count; out[1] = map.fetches;
 """
 
