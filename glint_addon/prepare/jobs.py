@@ -1,4 +1,4 @@
-"""Long work in steps: a generator yields what may run in any thread, and between the steps touches Blender's data."""
+"""Long work in steps: a generator yields jobs that may run in any thread, and uses Blender's data between them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from ..errors import CancelledError, SceneError
 
 @dataclass(frozen=True)
 class Job:
-    """A part of the work. text: what it is; start, end: which part of the whole, 0..1; work(progress=...): does it,
-    in any thread, because it touches nothing of Blender; progress is called with 0..1, what it raises ends the work."""
+    """A part of the work. text: its name for the user; start, end: its place in the whole, 0..1; work(progress=...):
+    does the work in any thread, because it uses nothing of Blender; progress is called with 0..1, and an exception
+    that it raises ends the work."""
 
     text: str
     start: float
@@ -21,15 +22,15 @@ class Job:
     work: Callable
 
     def done(self, progress: Callable[[float, str], None]):
-        """Do the work now; progress(fraction of the whole, text). Returns what the work does."""
+        """Do the work now and return its result; progress(fraction of the whole, text)."""
         progress(self.start, self.text)
         return self.work(progress=lambda part: progress(self.start + part * (self.end - self.start), self.text))
 
 
 def finished(steps: Generator, progress: Callable[[float, str], None]):
-    """Do all jobs that `steps` yields, sending it what each returns; returns what `steps` does.
+    """Do all jobs that `steps` yields and send it the result of each; returns the value that `steps` returns.
 
-    What a job or `progress` raises closes `steps` and is raised again.
+    An exception of a job or of `progress` closes `steps` and is raised again.
     """
     with closing(steps):
         try:
@@ -43,7 +44,7 @@ def finished(steps: Generator, progress: Callable[[float, str], None]):
 class Running:
     """Jobs that run one after the other in a thread of their own, while `step` is called now and then.
 
-    fraction, text: how far they are; result: what the steps return, once `step` has said that all is finished.
+    fraction, text: the progress of the jobs; result: the value that the steps return, once `step` has returned True.
     """
 
     def __init__(self, steps: Generator):
@@ -54,9 +55,9 @@ class Running:
         self._job = None
 
     def step(self) -> bool:
-        """Go on to the next job if one is done; whether all are finished.
+        """Start the next job if the present one is done; returns whether all jobs are finished.
 
-        Raises what a job raised, CancelledError after `cancel`; SceneError if data-blocks have gone meanwhile.
+        Raises the exception of a job, CancelledError after `cancel`, SceneError if data-blocks were removed meanwhile.
         """
         if self._job is not None and not self._job.done():
             return False
@@ -76,11 +77,11 @@ class Running:
         return True
 
     def cancel(self):
-        """Let the job that runs end at its next report of progress."""
+        """Let the running job end at its next report of progress."""
         self._is_cancelled = True
 
     def close(self):
-        """End the jobs, waiting for the one that runs, and take back what they wrote unless all are finished."""
+        """End the jobs, wait for the running one, and remove the files that they wrote unless all are finished."""
         self.cancel()
         self._thread.shutdown(wait=True, cancel_futures=True)
         self._steps.close()

@@ -1,6 +1,6 @@
-"""Looks now and then, while Blender's window is open, whether the scenes shown there must be prepared again.
+"""Finds out from time to time, while Blender's window is open, whether the scenes shown there must be prepared again.
 
-Panels read what was found; they compute nothing. Nothing is changed here.
+Panels read the results and compute nothing. This module changes no data.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from bpy.app.handlers import persistent
 
 INTERVAL = 1.0  # seconds between two looks at what was changed in Blender
 SOON = 0.1  # seconds from opening a file to the first look
-FILES_INTERVAL = 2.0  # seconds between two looks at files, which change without a word from Blender
+FILES_INTERVAL = 2.0  # seconds between two looks at files: Blender does not report their changes
 # Largest part of all time that looks may take: a look reads painted maps, which is slow: decision 56.
 LARGEST_SHARE = 0.02
 
 
 @dataclass
 class _Found:
-    """What is known of a scene. changes: sentences; tables: {file: "", "gone" or "damaged"}."""
+    """The results for a scene. changes: sentences; tables: {file: "", "gone" or "damaged"}."""
 
     changes: list[str]
     tables: dict[Path, str]
@@ -33,7 +33,7 @@ _last_look = 0.0
 
 
 def register():
-    """Begin to look, where there is a window."""
+    """Begin to look, if Blender has a window."""
     if bpy.app.background:
         return
     for handlers in _handlers():
@@ -74,14 +74,14 @@ def lost_tables(scene) -> dict[str, str]:
 
 @persistent
 def mark(*_):
-    """Something changed: look soon."""
+    """Note that something changed, so that the next look comes soon."""
     global _is_marked
     _is_marked = True
 
 
 @persistent
 def look_soon(*_):
-    """A file was opened, of which nothing is known yet: do not wait for what a look at the last one took."""
+    """Look soon at a file that was just opened, however long the look at the file before it took."""
     mark()
     _found.clear()
     if bpy.app.timers.is_registered(look):
@@ -90,7 +90,7 @@ def look_soon(*_):
 
 
 def look() -> float:
-    """Look if something was marked or files are due; returns the seconds until the next call."""
+    """Look if a change was marked or FILES_INTERVAL has passed; returns the seconds until the next call."""
     global _is_marked, _last_look
     now = time.monotonic()
     if bpy.app.is_job_running("RENDER") or not (_is_marked or now - _last_look > FILES_INTERVAL):
@@ -102,7 +102,7 @@ def look() -> float:
 
 
 def look_at(scene):
-    """Find out about a scene now, and let panels show it."""
+    """Look at a scene now, and let panels show the results."""
     from .changes import changes_since_prepared, table_states
 
     before = _found.get(scene.session_uid)
