@@ -10,16 +10,16 @@ from ..nodes.glint_bsdf import VECTOR
 
 # Part of a surface whose densities count for nothing, at either end: slivers, and the poles of a sphere's UV map.
 OUTERMOST_AREA = 0.01
-# A surface seen at an angle lengthens a footprint, also across a map squeezed there: by this at most (1 / cosine,
-# 60 degrees). Beyond, on a ball, it is a quarter of the picture, which the range's own margin holds up to 75 degrees.
+# Largest factor by which a surface seen at an angle lengthens a footprint: 1 / cosine of 60 degrees. Steeper views are
+# a quarter of the picture of a ball, and the margin of the footprint range covers them up to 75 degrees.
 LARGEST_STRETCH = 2.0
 
 
 def uv_transforms(material, group) -> list[tuple[str, np.ndarray]] | None:
     """How `material` places the map of `group`: [(name of the UV map, (2, 2) matrix, UVs to map coordinates), ...].
 
-    "" is the UV map that is active for rendering. None if that cannot be told: other coordinates, nodes that are
-    animated or not plain, a group inside another group.
+    "" is the UV map that is active for rendering. None where the nodes do not say: other coordinates, animated nodes or
+    nodes of other kinds, a group inside another group.
     """
     tree = material.node_tree
     if tree.animation_data is not None or tree.library is not None:
@@ -32,7 +32,7 @@ def uv_transforms(material, group) -> list[tuple[str, np.ndarray]] | None:
             socket = node.inputs.get(VECTOR.name)
             if socket is None:
                 return None
-            # With nothing connected it is the active UV map, as for every texture.
+            # An input without a link reads the active UV map, as of every texture.
             found.append(_uv_transform(socket) if socket.is_linked else ("", np.eye(2)))
         elif _holds(node.node_tree, group, set()):
             return None
@@ -78,14 +78,14 @@ def _mapping_matrix(node) -> np.ndarray | None:
     scale = np.array(node.inputs["Scale"].default_value)
     if node.vector_type != "TEXTURE":
         return rotation * scale
-    # Texture coordinates are transformed the other way; Cycles makes a division by zero 0.
+    # A texture's mapping is the inverse transform; Cycles returns 0 for a division by zero.
     return np.divide(1.0, scale, out=np.zeros(3), where=scale != 0)[:, None] * rotation.T
 
 
 def texel_densities(mesh, matrix, uv_map: str, transform) -> tuple[float, float] | None:
     """Smallest and largest texels per metre along the short axis of a round footprint on a mesh, or None.
 
-    For the arguments and None see `texel_axes`. The largest holds for surfaces seen at an angle too, up to
+    For the arguments and None see `texel_axes`. The largest number also bounds surfaces seen at an angle, up to
     LARGEST_STRETCH.
     """
     found = texel_axes(mesh, matrix, uv_map, transform)
@@ -100,7 +100,7 @@ def texel_densities(mesh, matrix, uv_map: str, transform) -> tuple[float, float]
 
 
 def largest_texel_area(mesh, matrix, uv_map: str, transform) -> float | None:
-    """Most texels per square metre of a mesh, but for outermost pieces, or None; arguments as for `texel_axes`."""
+    """Most texels per square metre of a mesh without its outermost pieces, or None; arguments as for `texel_axes`."""
     found = texel_axes(mesh, matrix, uv_map, transform)
     return None if found is None else _quantile(found[0] * found[1], found[2], 1.0 - OUTERMOST_AREA)
 
@@ -120,7 +120,7 @@ def texel_axes(mesh, matrix, uv_map: str, transform) -> tuple[np.ndarray, np.nda
     places = vertices(mesh)[corners] @ np.asarray(matrix, float).T
     texels = _values(layers[0].uv, "vector", np.float32).reshape(-1, 2).astype(float)[loops] @ np.asarray(transform).T
 
-    # Singular values of texels by metres, by traces and determinants of 2 x 2 matrices.
+    # Find the singular values of texels by metres from traces and determinants of 2 x 2 matrices.
     sides = places[:, 1:] - places[:, :1]
     changes = texels[:, 1:] - texels[:, :1]
     metric = np.einsum("tic,tjc->tij", sides, sides)
