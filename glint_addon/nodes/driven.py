@@ -1,4 +1,4 @@
-"""One number that drivers move, and how it is written only when it differs from what is there.
+"""A number with a driver or keys, which is written only where it differs from the present one.
 
 A number is held by a node's socket, or is one of an array that a data-block keeps as a custom property (`Entry`).
 """
@@ -78,7 +78,7 @@ class Entry:
 
 
 def write_number(place, number: Driven | Keyed | float):
-    """Make `place`, a socket or an `Entry`, hold the driven, keyed or constant number; touch nothing if it does."""
+    """Make `place`, a socket or an `Entry`, hold the driven, keyed or constant number, unless it holds it already."""
     if isinstance(number, Driven | Keyed):
         curve = driver_curve(place)
         if curve is None or _number_of(curve) != _as_stored(number):
@@ -91,7 +91,7 @@ def write_number(place, number: Driven | Keyed | float):
 
 
 def number_at(place) -> Driven | Keyed | float:
-    """What `place`, a socket or an `Entry`, holds."""
+    """The number that `place`, a socket or an `Entry`, holds."""
     curve = driver_curve(place)
     return place.default_value if curve is None else _number_of(curve)
 
@@ -112,8 +112,8 @@ def clear_driver(place):
 
 def _add_driver(place, number: Driven | Keyed):
     curve = place.driver_add(VALUE)
-    # A driver maps its value through the curve's keys: none for a value that goes through as it is, the number's own
-    # for one that depends on the frame alone. So no action is needed, which would belong to the user.
+    # A driver maps its value through the curve's keys: without keys the value stays as it is, and with the number's
+    # keys it depends on the frame alone. So no action is needed, which would belong to the user.
     curve.keyframe_points.clear()
     driver = curve.driver
     driver.type = "SCRIPTED"
@@ -159,7 +159,7 @@ def _as_stored(number: Driven | Keyed) -> Driven | Keyed:
 
 
 def _number_of(curve) -> Driven | Keyed:
-    """What the driver in `curve` computes, in the terms of this module."""
+    """The number that the driver in `curve` computes, as a `Driven` or `Keyed`."""
     keys = curve.keyframe_points
     if len(keys):
         return Keyed(tuple(int(key.co.x) for key in keys), tuple(key.co.y for key in keys))
