@@ -77,8 +77,7 @@ struct Level {
 int level_corners(int block, int is_linear)
 {
   if (is_linear) {
-    return block <= 16 ? 28 : block <= 32 ? 46 : block <= 64 ? 64 : block <= 128 ? 90 : block <= 256 ? 128 :
-                                                                                   block <= 512 ? 160 : 192;
+    return block <= 16 ? 28 : block <= 32 ? 46 : block <= 64 ? 64 : block <= 128 ? 90 : block <= 256 ? 128 : block <= 512 ? 160 : 192;
   }
   return block <= 32 ? 56 : block <= 64 ? 88 : block <= 128 ? 120 : block <= 256 ? 168 : block <= 512 ? 192 : 208;
 }
