@@ -40,9 +40,9 @@ from .slope_counts import group_counts, slope_box
 
 MAGIC = 7927.0  # other kinds of table have other numbers
 VERSION = 7  # part of the content address: raise it when the layout, the bins or the samples change
-FIRST_BLOCK = {"CLOSEST": 32, "LINEAR": 16}  # texels; below, the shader enumerates elements
-# Corners of the slope grid along each axis, by block side: more as blocks hold more elements, and so many that all
-# levels of a square map whose side is a power of two fit 16 bytes a texel with the padding.
+FIRST_BLOCK = {"CLOSEST": 32, "LINEAR": 16}  # texels; the shader visits the elements of nearer footprints: decision 29
+# Corners of the slope grid along each axis, by block side: larger blocks hold more elements and get more. All levels of
+# a square map whose side is a power of two fit 16 bytes a texel with the padding: decision 30.
 CORNERS = {
     "CLOSEST": {32: 56, 64: 88, 128: 120, 256: 168, 512: 192, 1024: 208},
     "LINEAR": {16: 28, 32: 46, 64: 64, 128: 90, 256: 128, 512: 160, 1024: 192},

@@ -19,9 +19,9 @@ def data_image(
 ) -> bpy.types.Image:
     """`image` itself if it is read as data, else a copy "<name> (Non-Color)" that holds its values now as data.
 
-    copy: the one in use until now, which is brought up to date rather than left behind. A clean file is read again by
-    the copy; what is packed or painted is packed into it. states: of images, where they are known or are to be. Raises
-    MapError if the pixels cannot be copied, and leaves nothing behind.
+    copy: the copy in use until now, which is brought up to date instead of making another. The copy of a clean file
+    reads the same file; packed or painted pixels are packed into the copy. states: of the images that were looked at.
+    Raises MapError if the pixels cannot be copied, and then leaves nothing behind.
     """
     if image.colorspace_settings.is_data:
         return image
@@ -67,7 +67,7 @@ def _follow(copy, original, state):
 
 
 def _belongs(copy, original) -> bool:
-    """Whether `copy` was made of `original`, which may be renamed by now, unless another image bears its old name."""
+    """Whether `copy` was made of `original`, which may have been renamed, unless another image has its old name now."""
     if copy[COPY_OF] == original.name_full:
         return True
     return all(image.name_full != copy[COPY_OF] for image in bpy.data.images)

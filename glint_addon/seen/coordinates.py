@@ -8,7 +8,7 @@ from mathutils import Euler
 
 from ..nodes.glint_bsdf import VECTOR
 
-# Part of a surface whose densities count for nothing, at either end: slivers, and the poles of a sphere's UV map.
+# Part of a surface that is ignored at either end of its densities: slivers, and the poles of a sphere's UV map.
 OUTERMOST_AREA = 0.01
 # Largest factor by which a surface seen at an angle lengthens a footprint: 1 / cosine of 60 degrees. Steeper views are
 # a quarter of the picture of a ball, and the margin of the footprint range covers them up to 75 degrees.
