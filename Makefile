@@ -27,8 +27,9 @@ stress: $(STAMP)  ## Run the stress tests alone and list every case in benchmark
 	@$(VENV_PYTHON) -m pytest --numprocesses 2 --dist worksteal tests/stress --stress-report benchmarks/results/stress.json
 	@$(VENV_PYTHON) -m benchmarks report
 
-lint: $(STAMP)  ## Check the style
+lint: $(STAMP)  ## Check the style and the types
 	@$(VENV_PYTHON) -m ruff check .
+	@$(VENV_PYTHON) -m mypy
 
 package: $(STAMP)  ## Build and validate the extension in dist/
 	@$(VENV_PYTHON) tools/package.py
@@ -43,5 +44,5 @@ bench-quick: $(STAMP)  ## Compare what the lobe does on two scenes with the limi
 	@$(VENV_PYTHON) -m benchmarks quick >/dev/null  # where Blender names every picture it saves
 
 clean:  ## Remove what is built; the environment stays
-	@rm -rf dist out .pytest_cache .ruff_cache .hypothesis
+	@rm -rf dist out .pytest_cache .ruff_cache .mypy_cache .hypothesis
 	@find . -name __pycache__ -not -path './.venv/*' -not -path './.uv/*' -prune -exec rm -rf {} +

@@ -28,7 +28,7 @@ the second group in whole units of `packed_unit` elements; a float32 holds it ex
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +102,7 @@ def block_edges(size: int, block: int) -> np.ndarray:
     return np.arange(count + 1) * size // count
 
 
-def group_edges(width: int, height: int, block: int):
+def group_edges(width: int, height: int, block: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """First, middle and end texel along u and along v of each group of a level, row by row."""
     edges_u, edges_v = block_edges(width, block), block_edges(height, block)
     for v in range(0, len(edges_v) - 1, 2):
@@ -129,7 +129,13 @@ def file_size(width: int, height: int, interpolation: str, levels: tuple[int, in
     return list_shape(texels)
 
 
-def counts_texels(normals, interpolation: str, levels: tuple[int, int], box, progress=None) -> np.ndarray:
+def counts_texels(
+    normals: np.ndarray,
+    interpolation: str,
+    levels: tuple[int, int],
+    box: tuple[np.ndarray, np.ndarray],
+    progress: Callable[[float], None] | None = None,
+) -> np.ndarray:
     """Padded RGBA float32 pixels of the table, row 0 at the bottom; normals: float32 (height, width, 3).
 
     levels: sides of the first and the last level's blocks; box: `slope_box`; progress: called often with the part of
@@ -179,17 +185,18 @@ def bake_counts(
     """
     stored_levels(normals.shape[1], normals.shape[0], interpolation, levels)
     path = Path(folder) / counts_name(normals, interpolation, levels)
-    box = stored_pairs(path, BOX)
-    if box is not None:
-        return path, False, *box
-    box = slope_box(normals)
+    stored = stored_pairs(path, BOX)
+    if stored is not None:
+        low, high = stored
+        return path, False, low, high
+    low, high = slope_box(normals)
 
-    def counted(part):
+    def counted(part: float):
         if progress is not None:
             progress(BOXED + (COUNTED - BOXED) * part)
 
     counted(0.0)
-    texels = counts_texels(normals, interpolation, levels, box, counted)
+    texels = counts_texels(normals, interpolation, levels, (low, high), counted)
     steps = Steps(progress, len(texels), start=COUNTED)
-    write_whole(path, texels, pairs=dict(zip(BOX, box, strict=True)), steps=steps)
-    return path, True, *box
+    write_whole(path, texels, pairs=dict(zip(BOX, (low, high), strict=True)), steps=steps)
+    return path, True, low, high

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +34,7 @@ def image_bytes(pixels: np.ndarray, *, is_float: bool, name: str) -> bytes:
         raise MapError(f'Image "{name}" cannot be copied ({reason}): free some disk space.') from error
 
 
-def _write(oiio, path, spec, pixels):
+def _write(oiio: ModuleType, path: str, spec: Any, pixels: np.ndarray):
     """Write `pixels` to a file. Raises OSError with OpenImageIO's words if that fails."""
     output = oiio.ImageOutput.create(path)
     if output is None:

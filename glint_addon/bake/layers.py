@@ -5,9 +5,11 @@ Source: Cycles, scene/image_oiio.cpp: the first four channels of the first part,
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -42,7 +44,7 @@ def first_layer(path: Path, contents: bytes | None = None) -> np.ndarray:
 
 
 @contextmanager
-def _opened(path, contents):
+def _opened(path: Path, contents: bytes | None) -> Iterator[Any]:
     """OpenImageIO's reader of the file, or None; it reads from disk alone.
 
     Raises MapError if the temporary folder does not take the contents.

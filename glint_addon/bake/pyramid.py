@@ -165,7 +165,9 @@ def pyramid_name(stored: np.ndarray, *, encoded: bool, associated: bool, half: b
     return f"image_{digest}.exr"
 
 
-def bake_pyramid(stored: np.ndarray, folder, *, encoded: bool, associated: bool, half: bool = False, name="image"):
+def bake_pyramid(
+    stored: np.ndarray, folder: Path, *, encoded: bool, associated: bool, half: bool = False, name: str = "image"
+) -> tuple[Path, bool]:
     """Write the pyramid of `stored` into `folder`, unless it is there and whole: (path, whether it was written now).
 
     stored: (height, width, 4) float32 as Cycles holds the image, row 0 at the bottom (see the module's docstring);

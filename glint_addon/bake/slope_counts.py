@@ -40,7 +40,15 @@ def slope_box(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (ends[0] - margin).astype(np.float32), (ends[1] + margin).astype(np.float32)
 
 
-def group_counts(normals, edges_u, edges_v, corners: int, k: int, box, done: Callable[[int], None]) -> np.ndarray:
+def group_counts(
+    normals: np.ndarray,
+    edges_u: np.ndarray,
+    edges_v: np.ndarray,
+    corners: int,
+    k: int,
+    box: tuple[np.ndarray, np.ndarray],
+    done: Callable[[int], None],
+) -> np.ndarray:
     """Summed-area tables of the four blocks of a group: float32 (corners, corners, 4), as [j, i, block].
 
     normals: float32 (height, width, 3); edges_u, edges_v: first, middle and end texel of the group along each side;
@@ -97,11 +105,13 @@ def sampled_normals(normals: np.ndarray, rows: range, columns: range, k: int) ->
     return between
 
 
-def _texels(normals, rows, columns):
+def _texels(normals: np.ndarray, rows: range, columns: range) -> np.ndarray:
     return normals[rows.start : rows.stop, columns.start : columns.stop]
 
 
-def _bins(across, z, hidden, scale, offset, corners):
+def _bins(
+    across: np.ndarray, z: np.ndarray, hidden: np.ndarray, scale: np.float32, offset: np.float32, corners: int
+) -> np.ndarray:
     """Bin + 1 of the slope across / z along one axis, int32; 0 below the box and where hidden, `corners` above it."""
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         place = across / z

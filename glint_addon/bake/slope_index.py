@@ -65,7 +65,9 @@ def index_shape(width: int, height: int) -> tuple[int, int]:
     return list_shape(RECORD * blocks(width) * blocks(height))
 
 
-def index_texels(normals: np.ndarray, interpolation: str, progress=None) -> np.ndarray:
+def index_texels(
+    normals: np.ndarray, interpolation: str, progress: Callable[[float], None] | None = None
+) -> np.ndarray:
     """Padded RGBA float32 pixels of the table, row 0 at the bottom; normals: float32 (height, width, 3).
 
     progress: called often with the part of the work done, 0..1; an exception that it raises ends the work.
@@ -104,7 +106,7 @@ def bake_index(
     return path, True
 
 
-def _row_records(normals, interpolation, low, high):
+def _row_records(normals: np.ndarray, interpolation: str, low: int, high: int) -> np.ndarray:
     """Records of the blocks of one row, texel rows low..high - 1: float32 (blocks, RECORD, 4)."""
     width = normals.shape[1]
     count = blocks(width)
@@ -138,7 +140,9 @@ def _row_records(normals, interpolation, low, high):
     return _records(cell, start, scale, margin, np.where(listed, _by_blocks(least_z, count), np.inf).min(axis=1))
 
 
-def _records(cell, start, scale, margin, least_z):
+def _records(
+    cell: np.ndarray, start: np.ndarray, scale: np.ndarray, margin: np.ndarray, least_z: np.ndarray
+) -> np.ndarray:
     """Pack the records. cell: int (blocks, SIDE^2), CELLS for the tail, CELLS + 1 for nothing."""
     count = len(cell)
     keys = (np.arange(count)[:, None] * (CELLS + 2) + cell).reshape(-1)
@@ -153,7 +157,7 @@ def _records(cell, start, scale, margin, least_z):
     return records
 
 
-def _slopes(normals, low, high, reach):
+def _slopes(normals: np.ndarray, low: int, high: int, reach: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Middle and half of the slopes' range of each element of texel rows low..high - 1, (2, rows, width), and its least
     n.z. reach: 1 for patches, which have the texels to the right and above as corners too; 0 for texels."""
     strip = np.moveaxis(normals.take(range(low, high + reach), axis=0, mode="wrap"), -1, 0)
@@ -170,7 +174,7 @@ def _slopes(normals, low, high, reach):
         return (smallest + largest) / 2, (largest - smallest) / 2, least_z
 
 
-def _by_blocks(values, count):
+def _by_blocks(values: np.ndarray, count: int) -> np.ndarray:
     """(rows, width) -> (count, SIDE^2): each block's values row by row, zeros beyond the map's edge."""
     rows, width = values.shape
     padded = np.zeros((SIDE, count * SIDE), values.dtype)
@@ -178,7 +182,9 @@ def _by_blocks(values, count):
     return padded.reshape(SIDE, count, SIDE).transpose(1, 0, 2).reshape(count, -1)
 
 
-def _mean_and_deviations(values, listed, deviations):
+def _mean_and_deviations(
+    values: np.ndarray, listed: np.ndarray, deviations: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Mean of the listed values of each block, and that many deviations above it: (blocks,) each, 0 where none is."""
     number = np.maximum(listed.sum(axis=1), 1)
     known = np.where(listed, values, 0)

@@ -37,7 +37,7 @@ def patch_radii(normals: np.ndarray) -> np.ndarray:
     return _patch_radii(normals, 0, len(normals))
 
 
-def _patch_radii(normals, low, high):
+def _patch_radii(normals: np.ndarray, low: int, high: int) -> np.ndarray:
     """`patch_radii` of the rows low..high - 1; low may be -1, the last row."""
     width = normals.shape[1]
     strip = np.empty((3, high - low + 1, width + 1), np.float32)  # a plane a component: numpy is fast along rows
@@ -56,7 +56,7 @@ def _patch_radii(normals, low, high):
     return np.sqrt(square, out=square)
 
 
-def _texel_radii(normals, low, high):
+def _texel_radii(normals: np.ndarray, low: int, high: int) -> np.ndarray:
     """Largest radius of the four patches that touch each texel of the rows low..high - 1: (high - low, width)."""
     patches = _patch_radii(normals, low - 1, high)
     pairs = np.maximum(patches[:-1], patches[1:])

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import MapError
 
@@ -33,7 +34,7 @@ class TangentFrame:
     degenerate: np.ndarray
 
 
-def triangle_frame(positions, uvs) -> TangentFrame:
+def triangle_frame(positions: ArrayLike, uvs: ArrayLike) -> TangentFrame:
     """Frames of triangles; positions: (..., 3, 3) as [corner, axis]; uvs: (..., 3, 2).
 
     Raises MapError for other shapes or values that are not finite.
@@ -55,7 +56,13 @@ def triangle_frame(positions, uvs) -> TangentFrame:
     return _replaced(frame, ~has_area[..., 0])
 
 
-def tangent_frame(delta_position1, delta_position2, delta_uv1, delta_uv2, normal) -> TangentFrame:
+def tangent_frame(
+    delta_position1: np.ndarray,
+    delta_position2: np.ndarray,
+    delta_uv1: np.ndarray,
+    delta_uv2: np.ndarray,
+    normal: np.ndarray,
+) -> TangentFrame:
     """Frames from two differences of position (..., 3) and UV (..., 2) on surfaces with the unit `normal` (..., 3)."""
     (du1, dv1), (du2, dv2) = np.moveaxis(delta_uv1, -1, 0), np.moveaxis(delta_uv2, -1, 0)
     determinant = du1 * dv2 - du2 * dv1
@@ -70,7 +77,7 @@ def tangent_frame(delta_position1, delta_position2, delta_uv1, delta_uv2, normal
     return _replaced(frame, degenerate)
 
 
-def _replaced(frame, where):
+def _replaced(frame: TangentFrame, where: np.ndarray) -> TangentFrame:
     """`frame` with the defined answer for degenerate UVs in the places `where`."""
     first, second = basis_around(frame.normal)
     return TangentFrame(
@@ -82,7 +89,7 @@ def _replaced(frame, where):
     )
 
 
-def basis_around(normal):
+def basis_around(normal: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Two unit vectors (..., 3) that make a right-handed frame with the unit `normal`, continuous except at -z.
 
     Source: Duff et al., "Building an Orthonormal Basis, Revisited", Journal of Computer Graphics Techniques 6(1), 2017.
@@ -94,7 +101,7 @@ def basis_around(normal):
     return np.stack([1.0 + s * x * x * a, s * b, -s * x], axis=-1), np.stack([b, s + y * y * a, -y], axis=-1)
 
 
-def tangent_to_world(frame: TangentFrame, normals, *, orthonormal=True) -> np.ndarray:
+def tangent_to_world(frame: TangentFrame, normals: ArrayLike, *, orthonormal: bool = True) -> np.ndarray:
     """Unit normals in the frame's space of tangent-space `normals` (..., 3).
 
     orthonormal: with the unit tangent and a bitangent square to it, as Blender's Normal Map node (MikkTSpace) on flat
@@ -107,12 +114,12 @@ def tangent_to_world(frame: TangentFrame, normals, *, orthonormal=True) -> np.nd
     return _unit(normals[..., :1] * tangent + normals[..., 1:2] * bitangent + normals[..., 2:] * frame.normal)
 
 
-def object_to_world(normals, matrix) -> np.ndarray:
+def object_to_world(normals: ArrayLike, matrix: ArrayLike) -> np.ndarray:
     """Unit world-space normals of object-space `normals` (..., 3), by the inverse transpose of `matrix` (3x3, 4x4)."""
     linear = np.asarray(matrix, dtype=np.float64)[:3, :3]
     return _unit(np.asarray(normals, dtype=np.float64) @ np.linalg.inv(linear))
 
 
-def _unit(vectors):
+def _unit(vectors: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(length > 0, length, 1)

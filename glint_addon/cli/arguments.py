@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -21,15 +23,15 @@ others that read Open Job Description.
 """
 
 
-def parser(program: str, actions: dict) -> argparse.ArgumentParser:
+def parser(program: str, actions: dict[str, Callable[[argparse.Namespace], list[str]]]) -> argparse.ArgumentParser:
     """A parser whose result holds the function to call as `action`; actions: {"prepare": function, ...}."""
     recipe = RECIPE.format(program=program, template=paths.ROOT / "farm" / "glint.openjd.yaml")
-    looks = {"formatter_class": argparse.RawDescriptionHelpFormatter, "epilog": recipe}
+    looks: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter, "epilog": recipe}
     result = argparse.ArgumentParser(prog=program, description="Glints in .blend files, without a window.", **looks)
     result.add_argument("--version", action="version", version=version())
     commands = result.add_subparsers(title="commands", required=True, metavar="|".join(actions))
     for name, action in actions.items():
-        text = action.__doc__.partition("\n")[0]
+        text = (action.__doc__ or "").partition("\n")[0]
         command = commands.add_parser(name, help=text, description=text, **looks)
         command.add_argument("file", type=Path, metavar="FILE.blend")
         command.set_defaults(action=action)
@@ -43,13 +45,13 @@ def version() -> str:
     return f"{manifest['name']} {manifest['version']} (Blender {bpy.app.version_string})"
 
 
-def _prepare_arguments(command):
+def _prepare_arguments(command: argparse.ArgumentParser):
     _scene_arguments(command)
     command.add_argument("--save-as", type=Path, metavar="COPY.blend",
                          help="save to a copy in the same folder and leave the file as it is")
 
 
-def _render_arguments(command):
+def _render_arguments(command: argparse.ArgumentParser):
     _scene_arguments(command)
     frames = command.add_mutually_exclusive_group()
     frames.add_argument("--frame", type=int, help="render a still of this frame (default: the file's current frame)")
@@ -67,11 +69,11 @@ def _render_arguments(command):
                          help="render this view layer and no others; may be repeated")
 
 
-def _info_arguments(command):
+def _info_arguments(command: argparse.ArgumentParser):
     command.add_argument("--json", action="store_true", help="print JSON")
 
 
-def _scene_arguments(command):
+def _scene_arguments(command: argparse.ArgumentParser):
     """What prepares a scene takes."""
     command.add_argument("--scene", help="name of the scene (default: the file's active scene)")
     command.add_argument("--bake-unseen", action=argparse.BooleanOptionalAction,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import bpy
@@ -25,6 +26,8 @@ MOVIES = {".avi": "AVI", ".mkv": "MKV", ".mov": "QUICKTIME", ".mp4": "MPEG4"}  #
 _MARK, _MARKED = "#" * 10, "0" * 10
 _DIGITS = "####"  # as many as Blender gives a name without any
 _NAMED = 3  # frames in a sentence
+
+type Stamp = tuple[int, int, int]  # inode, time of the last change in ns, bytes
 
 
 def set_output(scene, output: str, *, numbered: bool):
@@ -96,7 +99,8 @@ def _render_range(scene, frames: range) -> list[str]:
             frame_start=frames[0], frame_end=frames[-1])
     after = _stamps(before)
     is_kept = not scene.render.use_overwrite and not is_movie
-    lines, missing = [], []
+    lines: list[str] = []
+    missing: list[int] = []
     for frame, some in names.items():
         there = [_line(name, before[name], after[name], is_kept) for name in some]
         lines += filter(None, there)
@@ -108,7 +112,7 @@ def _render_range(scene, frames: range) -> list[str]:
     return lines
 
 
-def _line(name: Path, before, after, is_kept: bool) -> str:
+def _line(name: Path, before: Stamp | None, after: Stamp | None, is_kept: bool) -> str:
     """What became of one file, "" if it is not there or only left from an earlier render."""
     if after is None:
         return ""
@@ -150,12 +154,12 @@ def _still_names(scene) -> list[Path]:
     return [name.with_name("".join(name.name.rsplit(_MARKED, 1))) for name in names]
 
 
-def _stamps(names) -> dict[Path, tuple | None]:
+def _stamps(names: Iterable[Path]) -> dict[Path, Stamp | None]:
     """What tells each file from one that was there before; None where there is none."""
     return {name: _stamp(name) for name in names}
 
 
-def _stamp(name: Path) -> tuple | None:
+def _stamp(name: Path) -> Stamp | None:
     if not name.is_file():
         return None
     status = name.stat()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from difflib import get_close_matches
+from typing import Any
 
 from ..errors import SceneError
 
@@ -85,7 +86,7 @@ def set_engine_option(scene, words: str):
         set_number(cycles, name, _number(name, text, kind), f"{text} for the engine option {name}")
 
 
-def _cycles(scene):
+def _cycles(scene) -> Any:
     """Settings of Cycles, which must be what renders `scene`."""
     if not hasattr(scene, "cycles"):
         raise SceneError("Cycles is switched off: switch it on in Edit > Preferences > Add-ons and try again.")

@@ -21,7 +21,7 @@ def blender_talks_to_stderr():
         os.close(kept)
 
 
-def _flush():
+def _flush() -> None:
     sys.stdout.flush()
     # What Blender has printed may still wait in the C library's own buffer.
     library = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)

@@ -16,7 +16,7 @@ def terminal_progress():
     Ctrl-C within this block does not interrupt; the next call raises CancelledError, so that nothing stays half done.
     Blender's own answer to Ctrl-C, put back afterwards, would stop renders alone.
     """
-    interrupts = []
+    interrupts: list[int] = []  # signal numbers
     lines = [""]
 
     def progress(fraction: float, text: str):
