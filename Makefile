@@ -20,11 +20,14 @@ $(STAMP): pyproject.toml .python-version tools/bootstrap.py
 demo: $(STAMP)  ## Render the demo scenes into out/
 	@$(VENV_PYTHON) -m demo_scenes
 
-test: $(STAMP)  ## Run the tests (ARGS="-k words" chooses)
-	@$(VENV_PYTHON) -m pytest --numprocesses 2 --dist worksteal $(ARGS)
+PYTEST := $(VENV_PYTHON) -m pytest --numprocesses 2 --dist worksteal
 
-stress: $(STAMP)  ## Run the stress tests alone and list every case in benchmarks/RESULTS.md
-	@$(VENV_PYTHON) -m pytest --numprocesses 2 --dist worksteal tests/stress --stress-report benchmarks/results/stress.json
+# What waits for `make stress` is left out, unless ARGS name a file: then every test in it runs.
+test: $(STAMP)  ## Run the tests (ARGS="-k words" chooses, ARGS="-m stress -k words" among those of `make stress`)
+	@$(PYTEST) $(if $(findstring tests/,$(ARGS)),,-m "not stress" )$(ARGS)
+
+stress: $(STAMP)  ## Run what is statistical and list every stress case in benchmarks/RESULTS.md
+	@$(PYTEST) -m stress --stress-report benchmarks/results/stress.json
 	@$(VENV_PYTHON) -m benchmarks report
 
 lint: $(STAMP)  ## Check the style and the types

@@ -17,6 +17,7 @@ from glint_addon.paths import disk_path
 from glint_addon.seen import footprints
 from tests.helpers import cycles
 from tests.helpers.normals import random_normals
+from tests.helpers.stress_marks import thinned
 
 INTERPOLATIONS = ("CLOSEST", "LINEAR")
 SIZES = [(100, 37), (37, 100), (1, 70), (32, 32), (64, 96), (33, 31)]  # width, height
@@ -139,8 +140,11 @@ def wall(scene, tmp_path):
     return cycles.add_plane(scene, repeats=2.0)
 
 
+CASES = [("CLOSEST", 1.0), ("CLOSEST", 0.5), ("LINEAR", 1.0), ("LINEAR", 1.5)]
+
+
 @pytest.mark.parametrize(
-    ("interpolation", "strength"), [("CLOSEST", 1.0), ("CLOSEST", 0.5), ("LINEAR", 1.0), ("LINEAR", 1.5)]
+    ("interpolation", "strength"), thinned(CASES, [CASES[1], CASES[2]], "four renders, each with a shader of its own")
 )
 def test_the_index_finds_the_same_glints_at_fewer_visits(scene, wall, interpolation, strength):
     encoded = maps.bumps(256)[: MAP[1], : MAP[0]]

@@ -8,6 +8,7 @@ import pytest
 from benchmarks import dolly, dolly_scene, dolly_truth, query_scene
 from benchmarks.dolly_scene import STEPS, VARIANTS, Step
 from benchmarks.dolly_truth import Mean, Receding
+from tests.helpers.stress_marks import stress
 
 LARGEST_FILE = 50_000  # bytes: a clone must stay small
 LARGEST_NOISE = 0.002  # of the stored means, relative: a fifth of what is asked of the lobe
@@ -95,6 +96,7 @@ def test_texels_of_the_receding_rows_are_those_between_the_rows_on_the_ground():
     np.testing.assert_allclose(dolly_scene.row_texels()[1:-1], (height * width)[1:-1], rtol=0.02)
 
 
+@stress("means of a percent", fast=["osl/test_lobe.py::test_every_geometry_has_the_right_mean"])
 def test_the_lobe_is_as_bright_as_the_nodes_near_and_far():
     found = dolly.curve("flakes", "soft", (Step(64, 1), Step(24, 4)))
     assert abs(found["summary"]["error"]) < LARGEST_ERROR

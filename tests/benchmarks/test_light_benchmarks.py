@@ -11,6 +11,7 @@ from benchmarks import denoise, light_case, light_scene, light_size, lights, tru
 from benchmarks.cost import Cost
 from benchmarks.counters import Counts
 from demo_scenes import measure, stage
+from tests.helpers.stress_marks import stress, thinned
 
 SIDE = 8  # pixels
 SPP = 256  # of Blender's nodes; the mean of 64 pixels is then known to a tenth
@@ -30,7 +31,7 @@ def brightness_of_the_sun():
     return mean_luminance(light_scene.light_stage(light_scene.sun(0.5)[1]).scene)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", thinned(CASES, list(CASES)[:2], "a truth of each light"))
 def test_a_light_has_a_quiet_truth_of_its_stage_and_shines_about_as_the_sun(name, brightness_of_the_sun):
     made = light_scene.light_stage(CASES[name])
     stored = truth.read_truth(light_case.truth_file(name))
@@ -86,6 +87,7 @@ def prepared():
     return made, truth.Truth(mean, variance, SPP, len(pictures), "", "")
 
 
+@stress("a case of the table", fast=["benchmarks/test_light_benchmarks.py::test_the_tables_say_what_was_measured"])
 def test_a_case_has_errors_of_both_methods_and_the_median_of_its_cost_ratios(prepared, monkeypatch):
     costs, guesses = iter([1.0, 3.0, 2.0, 10.0]), []  # nodes and lobe, round by round
 

@@ -8,6 +8,7 @@ import pytest
 from benchmarks import footprint_law, merge_cells, query, query_scene, query_truth
 from demo_scenes import measure
 from glint_addon import paths
+from tests.helpers.stress_marks import stress
 from tests.reference import footprint as footprint_twin
 from tests.reference import selection as selection_twin
 
@@ -60,6 +61,12 @@ def test_interpolated_normals_are_the_texels_at_their_centres_and_wrap():
     np.testing.assert_allclose(middle, (mean := normals[1, 7] + normals[1, 0]) / np.linalg.norm(mean))
 
 
+TRUTH = stress("a million binned samples a footprint", fast=[
+    "benchmarks/test_query_table.py::test_binning_a_flat_map_gives_one_lobe",
+    "benchmarks/test_query_table.py::test_without_hints_the_wall_is_one_closure_of_the_pixels_own_normal",
+])
+
+
 @pytest.fixture(scope="module", params=query_scene.MAPS)
 def measured(request):
     """(stored truth, a fresh truth of few samples, elements visited, error) of one map."""
@@ -69,6 +76,7 @@ def measured(request):
     return truth, fresh, query.visited(kind, HALF_WIDTH), query.ndf_error(kind, HALF_WIDTH, truth)
 
 
+@TRUTH
 def test_the_stored_truth_is_what_binning_gives_today(measured):
     truth, fresh, _, _ = measured
     square = np.mean((truth.mean - fresh.mean) ** 2)
@@ -77,10 +85,12 @@ def test_the_stored_truth_is_what_binning_gives_today(measured):
     assert truth.samples == query_truth.SAMPLES
 
 
+@TRUTH
 def test_each_pixel_of_the_query_scene_visits_a_footprint_of_the_half_width(measured):
     assert measured[2] == pytest.approx(np.pi * HALF_WIDTH**2, rel=0.02)
 
 
+@TRUTH
 def test_the_query_alone_agrees_with_binning_and_the_remainder_only_adds_noise(measured):
     error = measured[3]
     assert 0 < error["rmse"] < LARGEST_ERROR

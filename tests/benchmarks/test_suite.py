@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks import suite, truth
 from tests.helpers import cycles
+from tests.helpers.stress_marks import stress
 
 TEXELS_FACTOR = 2.5  # "about so many texels a pixel": over the picture it varies with perspective and curvature
 MARK = 1234.0  # no light of the suite shines so: tells the surface from floor and sky
@@ -21,6 +22,9 @@ def test_every_truth_is_quiet_and_of_the_scene_as_it_is(name):
     assert stored.scene_hash == suite.scene_hash(name), f"Renew the truth: make truth SCENE={name}."
 
 
+@stress("every scene of the benchmark", fast=[
+    "benchmarks/test_suite.py::test_every_truth_is_quiet_and_of_the_scene_as_it_is",
+])
 @pytest.mark.parametrize("name", suite.NAMES)
 def test_a_pixel_holds_as_many_texels_as_the_scene_says(name):
     said = suite.scene_module(name).TEXELS

@@ -6,6 +6,7 @@ import pytest
 from benchmarks import temporal, temporal_scenes, temporal_truth
 from benchmarks.temporal_truth import SequenceTruth
 from demo_scenes import measure
+from tests.helpers.stress_marks import thinned
 
 FRESH_SPP = 256  # noise is then less than what a frame differs from the next
 LARGEST_FILE = 100_000  # bytes: a clone must stay small
@@ -72,7 +73,7 @@ def test_stored_numbers_are_rounded_to_nearest():
     assert abs(np.mean(stored / values - 1.0)) < ROUNDING / 20
 
 
-@pytest.mark.parametrize("name", temporal_scenes.NAMES)
+@pytest.mark.parametrize("name", thinned(temporal_scenes.NAMES, temporal_scenes.NAMES[:1], "stored truths"))
 def test_the_stored_truth_is_the_mean_of_blenders_nodes_on_todays_scene(name):
     """A fresh frame differs from it as from one of another seed, and has its mean."""
     truth = temporal_truth.stored(name)

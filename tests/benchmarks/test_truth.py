@@ -7,6 +7,12 @@ import pytest
 
 from benchmarks import error, suite, truth
 from demo_scenes import measure
+from tests.helpers.stress_marks import stress
+
+pytestmark = stress("the lobe against stored truths", fast=[
+    "osl/test_lobe.py::test_every_setting_has_the_right_mean",
+    "benchmarks/test_suite.py::test_every_truth_is_quiet_and_of_the_scene_as_it_is",
+])
 
 # One light each: of several, Cycles asks one a sample, and that choice is noise which no material can take away.
 SCENES = ("flakes_middle", "eight_bit", "scratches_middle")

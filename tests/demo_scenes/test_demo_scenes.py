@@ -13,6 +13,7 @@ from demo_scenes import comparison, maps, measure, picture, report, stage, store
 from demo_scenes.__main__ import COMPARISONS, FIGURES
 from demo_scenes.truth import truth_material
 from tests.helpers.cycles import read_image
+from tests.helpers.stress_marks import thinned
 
 LARGEST_PICTURE = 300_000  # bytes: a clone must stay small
 GRAY = np.full((4, 4, 3), 0.5)
@@ -22,7 +23,7 @@ def scene_module(name):
     return import_module(f"demo_scenes.{name}")
 
 
-@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize("name", thinned(FIGURES, set(FIGURES) - {"image_sphere"}, "the dearest demo render"))
 def test_a_seed_figure_builds_and_is_lit(name):
     scene = stage.empty_scene((16, 16), 1)
     scene_module(name).build(scene)
@@ -46,7 +47,7 @@ def test_the_checker_sphere_bleeds_red_onto_the_wall_beside_it():
     assert far[0] > far[2]
 
 
-@pytest.mark.parametrize("name", COMPARISONS)
+@pytest.mark.parametrize("name", thinned(COMPARISONS, list(COMPARISONS)[:1], "stored truths"))
 def test_a_stored_truth_is_the_mean_of_blenders_nodes_on_todays_scene(name):
     """A fresh render of another seed has the same mean within five standard errors of the pixels' differences."""
     module = scene_module(name)
@@ -60,7 +61,7 @@ def test_a_stored_truth_is_the_mean_of_blenders_nodes_on_todays_scene(name):
     assert 0 < truth.noise < 0.5
 
 
-@pytest.mark.parametrize("name", ["flakes_close", "scratches_close"])
+@pytest.mark.parametrize("name", thinned(["flakes_close", "scratches_close"], ["flakes_close"], "a stored truth"))
 def test_the_lobe_of_a_close_view_has_the_truths_energy(name):
     """Mean over the picture within five standard errors of its own noise (differences of two seeds)."""
     module = scene_module(name)

@@ -11,6 +11,7 @@ from glint_addon.lights.receivers import world_bounds
 from tests.helpers import cycles
 from tests.helpers.scene_hints import scene_hints
 from tests.helpers.stress import compare
+from tests.helpers.stress_marks import thinned
 from tests.helpers.stress_stage import add_lamp, add_square, diffuse_material
 
 # Straight below a lamp an estimate is exact; what is left is the noise and width of the rendered spot.
@@ -195,8 +196,11 @@ def light_with_texture(scene, kind):
     tree.links.new(texture.outputs["Color"], emission(lamp).inputs["Color"])
 
 
-@pytest.mark.parametrize("light", [light_with_beam, light_with_texture])
-@pytest.mark.parametrize("kind", ["POINT", "SPOT", "AREA"])
+MANY = "2,048 samples of nodes in OSL"
+
+
+@pytest.mark.parametrize("light", thinned([light_with_beam, light_with_texture], [light_with_beam], MANY))
+@pytest.mark.parametrize("kind", thinned(["POINT", "SPOT", "AREA"], ["SPOT"], MANY))
 def test_glints_of_a_lamp_with_nodes_are_those_of_blenders_nodes(stress_record, light, kind):
     def build(scene, material):
         add_square(scene, material)

@@ -15,6 +15,7 @@ from glint_addon.nodes.driven import Keyed
 from tests.helpers import cycles
 from tests.helpers.scene_hints import scene_hints
 from tests.helpers.seeds import rendered_seeds
+from tests.helpers.stress_marks import stress
 from tests.helpers.stress_stage import MIDDLE, add_lamp, add_square
 from tests.lights.test_emitters import add_bulb, add_glints
 from tests.lights.test_instances import add_instance, fixture
@@ -92,6 +93,10 @@ def glints(image):
     return create_glint_material("Glint", image, **SURFACE)
 
 
+@stress("16,384 samples of Blender's nodes", fast=[
+    "lights/test_shutter.py::test_a_mesh_goes_on_through_the_shutter_and_a_lamp_stands_in_its_middle",
+    "lights/test_shutter.py::test_the_saved_file_renders_the_same_blurred_pixels_without_the_addon",
+])
 @pytest.mark.parametrize(("thing", "position"), [(bulb, "CENTER"), (bulb, "START"), (bulb, "END"), (lamp, "START")])
 def test_a_light_that_moves_is_found_at_every_time_of_the_shutter(thing, position):
     scene = flakes(truth, thing)

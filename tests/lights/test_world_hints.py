@@ -25,6 +25,7 @@ from glint_addon.nodes.scene_lights import HOLDER
 from glint_addon.prepare.scene import prepare_scene
 from tests.helpers import cycles
 from tests.helpers.scene_hints import scene_hints
+from tests.helpers.stress_marks import thinned
 from tests.helpers.stress_stage import add_square
 from tests.osl.test_lobe import assert_same_mean, series
 
@@ -414,7 +415,7 @@ def sunny_sky(scene):
     scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.1
 
 
-@pytest.mark.parametrize("add_world", [sunny_picture, sunny_sky])
+@pytest.mark.parametrize("add_world", thinned([sunny_picture, sunny_sky], [sunny_picture], "a z-test of many renders"))
 def test_the_lobe_under_a_world_has_the_mean_of_nodes_and_less_noise_than_sixteen_times_its_samples(add_world):
     scene = cycles.empty_scene(size=(18, 18))
     image = maps.blender_image("Map", maps.bumps(128, std=0.15, width=3.0, seed=4))

@@ -11,6 +11,7 @@ from glint_addon.errors import MapError, SceneError
 from glint_addon.nodes import checker, image_texture, script_node
 from glint_addon.properties import IMAGE_TEXTURE
 from tests.helpers import cycles
+from tests.helpers.stress_marks import stress
 from tests.reference import image_texture as reference
 
 SIZE = 48
@@ -281,6 +282,9 @@ def rmse(picture, truth):
     return math.sqrt(((picture - truth) ** 2).mean())
 
 
+@stress("4,096 samples of the truth", fast=[
+    "nodes/test_image_texture.py::test_far_away_it_is_the_mean_of_what_blender_interpolates",
+])
 @pytest.mark.parametrize("turn", [0.0, 0.6])
 def test_far_away_four_samples_are_far_nearer_the_truth_than_bilinear(scene, tmp_path, turn):
     pixels = random_pixels(200, 150)

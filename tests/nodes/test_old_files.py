@@ -19,6 +19,7 @@ from glint_addon.nodes.map_binding import map_of
 from glint_addon.nodes.script_node import osl_available
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
+from tests.helpers.stress_marks import stress
 
 OLD_FILE = Path(__file__).parents[1] / "data" / "version_9.blend"
 VALUES = {"Roughness": 0.2, "Strength": 0.8}
@@ -70,6 +71,10 @@ def test_an_old_file_has_no_pointer_to_its_map_left_once_it_is_open(old_scene):
     assert map_of(group).name == "flakes.png" and map_of(group).users == 1
 
 
+@stress("two previews of 7 s of processor time each", fast=[
+    "nodes/test_old_files.py::test_an_old_file_has_no_pointer_to_its_map_left_once_it_is_open",
+    "nodes/test_old_files.py::test_the_map_of_a_new_material_survives_previews",
+])
 def test_the_map_of_an_old_file_survives_previews_before_it_is_prepared_and_after(old_scene, tmp_path):
     assert_map_survives(sparkle()[0], tmp_path)
     prepare_scene(bpy.context.scene)

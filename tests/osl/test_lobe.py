@@ -17,6 +17,7 @@ from glint_addon.nodes.driven import write_number
 from glint_addon.prepare.scene import prepare_scene
 from tests.helpers import cycles
 from tests.helpers.seeds import rendered_seeds
+from tests.helpers.stress_marks import thinned
 
 SIZE = 24
 # Both shaders do the same arithmetic in another order: a few roundings of float32, amplified by the lobe's exponential.
@@ -145,7 +146,7 @@ LIGHTS = {
 }
 
 
-@pytest.mark.parametrize("light", LIGHTS)
+@pytest.mark.parametrize("light", thinned(LIGHTS, ("sun", "square area"), "a z-test of many renders"))
 @pytest.mark.parametrize("distribution", ["BECKMANN", "GGX"])
 def test_every_kind_of_light_has_the_right_mean(light, distribution):
     scene, thing, image = stage()
@@ -164,7 +165,7 @@ CONES = {
 }
 
 
-@pytest.mark.parametrize("name", CONES)
+@pytest.mark.parametrize("name", thinned(CONES, ("disk with spread",), "four renders each"))
 def test_points_on_which_a_lamp_does_not_shine_lose_nothing_by_not_looking_for_it(name):
     """At the same seeds the picture is that of a lamp which is looked for everywhere."""
     kind, settings = CONES[name]
@@ -259,9 +260,10 @@ GEOMETRIES = [
     blur_with_motion,
     defocus,
 ]
+KEPT_GEOMETRIES = (mirror_uvs, squeeze_uvs, go_far)
 
 
-@pytest.mark.parametrize("change", GEOMETRIES)
+@pytest.mark.parametrize("change", thinned(GEOMETRIES, KEPT_GEOMETRIES, "a z-test of many renders"))
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
 def test_every_geometry_has_the_right_mean(change, interpolation):
     scene, thing, image = stage(interpolation=interpolation)
@@ -274,8 +276,10 @@ def test_every_geometry_has_the_right_mean(change, interpolation):
     assert_same_mean(nodes, lobe)
 
 
-@pytest.mark.parametrize("settings", [{"convention": "DIRECTX"}, {"strength": 0.4}, {"strength": 2.0},
-                                      {"color": (0.9, 0.5, 0.1)}], ids=str)
+SETTINGS = [{"convention": "DIRECTX"}, {"strength": 0.4}, {"strength": 2.0}, {"color": (0.9, 0.5, 0.1)}]
+
+
+@pytest.mark.parametrize("settings", thinned(SETTINGS, SETTINGS[:2], "a z-test of many renders"), ids=str)
 def test_every_setting_has_the_right_mean(settings):
     scene, thing, image = stage()
     LIGHTS["sun"](scene)

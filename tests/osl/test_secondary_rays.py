@@ -20,6 +20,7 @@ from glint_addon.nodes.glint_bsdf import CAUSTICS_NODE, build, refresh
 from tests.helpers import cycles
 from tests.helpers.old_group import make_old
 from tests.helpers.seeds import rendered_seeds
+from tests.helpers.stress_marks import stress
 from tests.helpers.stress_stage import SUN_ANGLE, add_sky, diffuse_material
 
 SHARP = 0.005  # radians: a sun whose random points make no noise
@@ -157,6 +158,12 @@ def test_what_other_surfaces_show_of_glints_has_the_mean_of_the_nodes(build):
     assert_same_mean(*pictures_of(build, (1024, 2), (64, 2)))
 
 
+BOUNCE = stress("thousands of samples in 16 seeds", fast=[
+    "osl/test_secondary_rays.py::test_what_other_surfaces_show_of_glints_has_the_mean_of_the_nodes",
+])
+
+
+@BOUNCE
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
 def test_after_a_diffuse_bounce_the_worst_pixel_is_far_below_that_of_the_nodes_at_equal_samples(interpolation):
     build = partial(caustic, roughness=FIREFLY_ROUGHNESS, interpolation=interpolation)
@@ -165,6 +172,7 @@ def test_after_a_diffuse_bounce_the_worst_pixel_is_far_below_that_of_the_nodes_a
     assert lobe.std(axis=0).mean() < WORST_PIXEL * nodes.std(axis=0).mean()
 
 
+@BOUNCE
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
 def test_after_a_diffuse_bounce_the_light_of_all_glints_is_that_of_the_nodes(interpolation):
     build = partial(caustic, roughness=FIREFLY_ROUGHNESS, interpolation=interpolation)

@@ -25,6 +25,7 @@ from glint_addon.ui.panel import GLINT_PT_material, GLINT_PT_tables
 from tests.helpers.extension import shader_editor, write_flake_map
 from tests.helpers.panel import Layout, panel_context, words_of
 from tests.helpers.states import STATES, group, save_start
+from tests.helpers.stress_marks import thinned
 
 OFF = "Cycles is switched off: switch it on in Preferences > Add-ons."
 PANELS = (GLINT_PT_material, GLINT_PT_lights, GLINT_PT_tables)
@@ -205,7 +206,7 @@ def test_commands(found, capfd):
         run_command(capfd, *words, str(file))
 
 
-@pytest.mark.parametrize("found", RENDERED, indirect=True)
+@pytest.mark.parametrize("found", thinned(RENDERED, RENDERED[-2:], "a render of every state"), indirect=True)
 def test_rendering(found, capfd):
     file = found / "state.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(file))

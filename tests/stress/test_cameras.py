@@ -11,7 +11,12 @@ from mathutils import Vector
 
 from tests.helpers import cycles
 from tests.helpers.stress import FLOOR, compare
+from tests.helpers.stress_marks import stress
 from tests.helpers.stress_stage import MIDDLE, add_lamp, add_sky, add_square, sunny_square
+
+pytestmark = stress("every camera against Blender's nodes", fast=[
+    "stress/test_one_of_each.py::test_a_case_of_each_group_agrees_with_blenders_nodes",
+])
 
 CENTRE = Vector((0, 0, 0))
 

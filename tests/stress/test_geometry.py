@@ -12,6 +12,11 @@ from mathutils import Matrix, Vector
 from demo_scenes import maps
 from tests.helpers import cycles
 from tests.helpers.stress import compare
+from tests.helpers.stress_marks import stress
+
+pytestmark = stress("every angle, size and transform against Blender's nodes", fast=[
+    "osl/test_lobe.py::test_every_geometry_has_the_right_mean",
+])
 
 SUN = math.radians(4)  # so large that Blender's nodes find it
 

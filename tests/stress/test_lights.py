@@ -13,7 +13,12 @@ from demo_scenes import maps
 from demo_scenes.maps import blender_image
 from tests.helpers import cycles
 from tests.helpers.stress import compare
+from tests.helpers.stress_marks import stress
 from tests.helpers.stress_stage import MIDDLE, SUN_ANGLE, add_lamp, add_sky, add_square, diffuse_material
+
+pytestmark = stress("every light against Blender's nodes", fast=[
+    "osl/test_lobe.py::test_every_kind_of_light_has_the_right_mean",
+])
 
 # What is lit or mirrored in a fraction of a pixel is found by many samples only, of the lobe too.
 MANY = (2048, 2)

@@ -16,6 +16,12 @@ from glint_addon.errors import MapError
 from glint_addon.materials.find import is_glint_material
 from tests.helpers import cycles
 from tests.helpers.stress import compare
+from tests.helpers.stress_marks import stress
+
+pytestmark = stress("every way to keep a map against Blender's nodes", fast=[
+    "prepare/test_prepared_render.py::test_a_texture_size_limit_leaves_blenders_own_nodes_or_a_whole_table",
+    "stress/test_one_of_each.py::test_a_case_of_each_group_agrees_with_blenders_nodes",
+])
 
 SUN = math.radians(4)  # so large that Blender's nodes find it
 SIDE = 64  # texels

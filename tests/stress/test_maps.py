@@ -12,6 +12,13 @@ from glint_addon.errors import MapError
 from glint_addon.materials.create import create_glint_material
 from tests.helpers import cycles
 from tests.helpers.stress import compare
+from tests.helpers.stress_marks import stress
+
+pytestmark = stress("every map against Blender's nodes", fast=[
+    "osl/test_lobe.py::test_every_setting_has_the_right_mean",
+    "materials/test_material.py::test_a_single_pixel_is_refused",
+    "materials/test_material.py::test_pixels_that_are_no_numbers_are_refused",
+])
 
 SUN = math.radians(4)  # so large that Blender's nodes find it
 WAYS = ("LINEAR", "CLOSEST")

@@ -10,6 +10,11 @@ import pytest
 
 from tests.helpers import cycles
 from tests.helpers.stress import SIZE, compare
+from tests.helpers.stress_marks import stress
+
+pytestmark = stress("every mesh against Blender's nodes", fast=[
+    "stress/test_one_of_each.py::test_a_case_of_each_group_agrees_with_blenders_nodes",
+])
 
 
 def add_view(scene, sun_degrees=4):

@@ -17,6 +17,11 @@ from glint_addon import create_glint_material, prepare_scene
 from glint_addon.choice import close_views
 from tests.helpers import cycles
 from tests.helpers.stress import compare
+from tests.helpers.stress_marks import stress
+
+pytestmark = stress("sharp facets and long maps against Blender's nodes", fast=[
+    "stress/test_one_of_each.py::test_a_case_of_each_group_agrees_with_blenders_nodes",
+])
 
 ALPHA = 0.001
 SLOPE = 0.03  # standard deviation: at 2 degrees of sun 4 % of the facets shine, so that Blender's nodes converge

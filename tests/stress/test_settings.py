@@ -12,7 +12,13 @@ from demo_scenes.maps import blender_image
 from demo_scenes.truth import truth_material
 from tests.helpers import cycles
 from tests.helpers.stress import FLOOR, SURFACE, compare, gentle_bumps
+from tests.helpers.stress_marks import stress
 from tests.helpers.stress_stage import add_lamp, add_sky, add_wall, diffuse_material, sunny_square
+
+pytestmark = stress("every setting of Cycles against Blender's nodes", fast=[
+    "osl/test_passes.py::test_passes_of_light_and_colour_have_the_means_of_the_nodes",
+    "stress/test_one_of_each.py::test_a_case_of_each_group_agrees_with_blenders_nodes",
+])
 
 # Two renders of the same samples: threads and tiles may add them in another order.
 ROUNDING = 1e-5

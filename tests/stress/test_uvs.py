@@ -10,6 +10,11 @@ import pytest
 from demo_scenes import maps
 from tests.helpers import cycles
 from tests.helpers.stress import compare
+from tests.helpers.stress_marks import stress
+
+pytestmark = stress("every kind of UVs against Blender's nodes", fast=[
+    "osl/test_lobe.py::test_every_geometry_has_the_right_mean",
+])
 
 CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)
 
