@@ -11,6 +11,7 @@ from glint_addon import create_glint_material, prepare_scene
 from glint_addon.materials.find import glint_groups
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
+from tests.helpers.stress_marks import thinned
 from tests.helpers.stress_stage import add_lamp, add_square
 from tests.lights.test_emitters import add_bulb, slot_values
 
@@ -129,7 +130,11 @@ def place_of(thing):
     return thing.matrix_world.translation
 
 
-@pytest.mark.parametrize("bring", [collection, instance, override, light_data, overridden_light_data])
+FARM = "two renders, one of them on the farm"
+WAYS = [collection, instance, override, light_data, overridden_light_data]
+
+
+@pytest.mark.parametrize("bring", thinned(WAYS, [instance, override, overridden_light_data], FARM))
 def test_lights_of_a_library_are_followed_here_and_on_a_farm(farm, bring, tmp_path):
     make_library(tmp_path)
     shot = make_shot(tmp_path)
@@ -182,7 +187,7 @@ def overridden_square(scene):
 BRINGS = [square_in_an_instance, material, overridden_material, overridden_square]
 
 
-@pytest.mark.parametrize("bring", BRINGS)
+@pytest.mark.parametrize("bring", thinned(BRINGS, [square_in_an_instance, overridden_material], FARM))
 def test_glints_of_a_library_find_the_lights_of_this_scene(farm, bring, tmp_path):
     """Nothing of the library changes, and its tables are beside both files: Blender looks for them beside this one."""
     make_library(tmp_path, prepared=True)
@@ -212,7 +217,7 @@ def test_one_sentence_says_that_glints_of_a_library_were_not_prepared_there(brin
     assert warning.endswith("make them local with Object > Relations > Make Local > All.")
 
 
-@pytest.mark.parametrize("bring", BRINGS)
+@pytest.mark.parametrize("bring", thinned(BRINGS, [square_in_an_instance, overridden_square], FARM))
 def test_what_the_sentence_tells_to_do_helps(farm, bring, tmp_path):
     make_library(tmp_path)
     shot = make_shot(tmp_path, own_glints=False)

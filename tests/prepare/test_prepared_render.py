@@ -12,6 +12,7 @@ from glint_addon.nodes import glint_bsdf
 from glint_addon.paths import disk_path
 from tests.helpers import cycles
 from tests.helpers.extension import write_flake_map
+from tests.helpers.stress_marks import thinned
 from tests.helpers.stress_stage import add_lamp
 from tests.lights.test_emitters import add_bulb, slot_values
 from tests.lights.test_instances import add_instance, fixture
@@ -115,7 +116,7 @@ def test_a_deleted_table_leaves_blenders_own_nodes(plane, flake_map, tmp_path):
     assert_same(cycles.rendered(bpy.context.scene)[..., :3], native)
 
 
-@pytest.mark.parametrize("damage", ["empty", "text", "cut", "other"])
+@pytest.mark.parametrize("damage", thinned(["empty", "text", "cut", "other"], ["cut", "other"], "two renders"))
 def test_a_damaged_table_leaves_blenders_own_nodes(plane, flake_map, tmp_path, damage):
     prepare_scene(bpy.context.scene)
     table = table_of_normals(plane)
@@ -142,7 +143,7 @@ def test_without_whole_counts_a_far_view_is_that_of_the_elements(scene, plane):
         np.testing.assert_array_equal(cycles.rendered(scene)[..., :3], elements, err_msg=damage)
 
 
-@pytest.mark.parametrize("limit", ["128", "256", "512"])
+@pytest.mark.parametrize("limit", thinned(["128", "256", "512"], ["128", "256"], "three renders"))
 def test_a_texture_size_limit_leaves_blenders_own_nodes_or_a_whole_table(plane, flake_map, limit):
     scene = bpy.context.scene
     _, with_table = prepared(plane)
@@ -211,7 +212,7 @@ def hint_values(names):
     return [slot_values(slot) for slot in range(1, len(names) + 1)]
 
 
-@pytest.mark.parametrize("world", ["picture", "sky"])
+@pytest.mark.parametrize("world", thinned(["picture", "sky"], ["picture"], "two renders, one of them on the farm"))
 def test_another_frame_of_a_scene_with_every_kind_of_light_is_the_same_where_the_addon_is_not_installed(
         farm, plane, tmp_path, world):
     scene = bpy.context.scene

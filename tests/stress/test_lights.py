@@ -155,7 +155,6 @@ def colour(lamp):
 
 def texture(lamp):
     """A checkered light: its node tree gives the emission."""
-    lamp.data.use_nodes = True
     tree = lamp.data.node_tree
     emission = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeEmission")
     checker = tree.nodes.new("ShaderNodeTexChecker")

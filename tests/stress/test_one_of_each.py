@@ -22,7 +22,11 @@ def a_map_of_16_bits(record, folder):
 
 
 def a_mesh_of_smooth_waves(record, folder):
-    compare(record, meshes.smooth_waves)
+    def build(scene, material):
+        meshes.smooth_waves(scene, material)
+        meshes.add_view(scene)
+
+    compare(record, build)
 
 
 def the_far_end_of_a_map(record, folder):
