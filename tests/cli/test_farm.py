@@ -19,13 +19,13 @@ from tests.helpers.extension import write_flake_map
 ROOT = Path(__file__).resolve().parents[2]
 TEMPLATE = ROOT / "farm" / "glint.openjd.yaml"
 STAND_IN = ROOT / "tests" / "helpers" / "blender_stand_in.py"
-FRAMES, CHUNK = 4, 3  # the second chunk is shorter: it must end with the last frame
+FRAMES, CHUNK = 3, 2  # the second chunk is shorter: it must end with the last frame
 SAME_PICTURE = 1e-5  # two renders with one seed differ only by the order of summing
 
 
 @pytest.fixture
 def shot(scene, registered, tmp_path) -> Path:
-    """A saved file of four frames: a plane of glints under a sun that turns."""
+    """A saved file of three frames: a plane of glints under a sun that turns."""
     scene = cycles.empty_scene(size=(16, 16), spp=2)
     plane = cycles.add_plane(scene)
     bpy.context.view_layer.objects.active = plane
@@ -66,6 +66,7 @@ def stand_in(kind: str, file: Path) -> Path:
 
 
 def test_a_job_prepares_once_and_renders_chunks_without_the_extension(capfd, shot, tmp_path):
+    """Slow: three Blenders one after the other, and each frame compiles the shader, on the farm and here."""
     content = shot.read_bytes()
     pictures = tmp_path / "pictures"
     values = {

@@ -101,6 +101,7 @@ def footprints(random, count):
 
 
 def test_the_filter_is_the_mean_over_the_footprint():
+    """Slow: the twin in numpy samples each of 300 footprints by the thousand."""
     random = np.random.default_rng(1)
     rows = footprints(random, 300)
     body = """

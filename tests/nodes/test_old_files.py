@@ -82,6 +82,7 @@ def test_the_map_of_an_old_file_survives_previews_before_it_is_prepared_and_afte
 
 
 def test_the_map_of_a_new_material_survives_previews(scene, tmp_path):
+    """Slow: Blender renders a preview with samples of its own, which no setting lowers."""
     material = create_glint_material("Sparkle", write_flake_map(tmp_path / "flakes.png", 32))
     cycles.add_plane(scene, material=material)
     cycles.add_camera(scene, (0, 0, 3), width=1.0)

@@ -167,7 +167,7 @@ CONES = {
 
 @pytest.mark.parametrize("name", thinned(CONES, ("disk with spread",), "four renders each"))
 def test_points_on_which_a_lamp_does_not_shine_lose_nothing_by_not_looking_for_it(name):
-    """At the same seeds the picture is that of a lamp which is looked for everywhere."""
+    """At the same seeds the picture is that of a lamp which is looked for everywhere. Slow: four renders."""
     kind, settings = CONES[name]
     scene, thing, image = stage()
     lamp = add_light(scene, kind, (0, 1.0, 0.8), target=(0.3, 0.2, 0), **settings)

@@ -51,6 +51,7 @@ def test_a_broken_manifest_does_not_pass(tmp_path):
 
 
 def test_the_zip_installs_works_and_leaves_nothing_behind(archive, tmp_path):
+    """Slow: a Blender of its own, which installs, bakes, renders and unregisters."""
     flake_map = write_flake_map(tmp_path / "flakes.png")
     result = subprocess.run(
         # Without the script's folder on the path: its cycles.py is not Blender's.

@@ -126,6 +126,7 @@ def test_a_damaged_table_leaves_blenders_own_nodes(plane, flake_map, tmp_path, d
 
 
 def test_without_whole_counts_a_far_view_is_that_of_the_elements(scene, plane):
+    """Slow: without counts each sample visits thousands of elements, in four of five renders."""
     scene.cycles.samples = 1
     scene.render.resolution_x = scene.render.resolution_y = FAR_PIXELS
     plane.data.uv_layers[0].uv.foreach_set("vector", np.float32([0, 0, REPEATS, 0, REPEATS, REPEATS, 0, REPEATS]))
@@ -168,6 +169,7 @@ def test_without_osl_a_material_is_blenders_own_nodes(plane, flake_map):
 
 
 def test_tables_are_read_whatever_their_folder_is_called(plane, tmp_path):
+    """Slow: a name that a shader holds is compiled into it, five times."""
     _, picture = prepared(plane)
     for folder in ("with space", "scène – 光", "50% off #1", "<UDIM>"):
         (tmp_path / folder).mkdir()
