@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ others that read Open Job Description.
 """
 
 
-def parser(program: str, actions: dict[str, Callable[[argparse.Namespace], list[str]]]) -> argparse.ArgumentParser:
+def parser(program: str, actions: Mapping[str, Callable[[argparse.Namespace], list[str]]]) -> argparse.ArgumentParser:
     """A parser whose result holds the function to call as `action`; actions: {"prepare": function, ...}."""
     recipe = RECIPE.format(program=program, template=paths.ROOT / "farm" / "glint.openjd.yaml")
     looks: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter, "epilog": recipe}
