@@ -15,7 +15,6 @@ import pytest
 
 OPTION = "--stress-report"
 PROPERTY = "stress case"
-FOLDER = "tests/stress/"  # other rooms compare a case or two in the same way, which are no group of the table
 DIGITS = 3  # significant ones: beyond, threads that add in another order may show
 _LINES = pytest.StashKey[list]()
 
@@ -61,7 +60,7 @@ class _Collector:
         self.config = config
 
     def pytest_runtest_logreport(self, report):
-        if report.when == "call" and report.nodeid.startswith(FOLDER):
+        if report.when == "call":
             for key, value in report.user_properties:
                 if key == PROPERTY:
                     fails = report.failed and value["outcome"] == "agrees"

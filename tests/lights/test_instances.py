@@ -16,6 +16,7 @@ from glint_addon.nodes.scene_lights import HOLDER
 from tests.helpers import cycles
 from tests.helpers.scene_hints import scene_hints
 from tests.helpers.stress import compare
+from tests.helpers.stress_marks import stress
 from tests.helpers.stress_stage import MIDDLE, add_lamp, add_square
 from tests.lights.test_emitters import add_bulb, add_glints, slot_values
 
@@ -248,6 +249,10 @@ def test_nested_instances_and_lamps_on_faces_are_found(scene):
     assert slot_values(slots["Child in Faces"])[0] == pytest.approx((0, 0, 6))
 
 
+@stress("a line of the table of stress cases", fast=[
+    "prepare/test_prepared_render.py::"
+    "test_another_frame_of_a_scene_with_every_kind_of_light_is_the_same_where_the_addon_is_not_installed",
+])
 def test_a_bulb_and_an_instanced_lamp_light_glints_as_with_blenders_nodes(stress_record):
     def build(scene, material):
         add_square(scene, material)

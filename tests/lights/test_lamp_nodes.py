@@ -11,13 +11,17 @@ from glint_addon.lights.receivers import world_bounds
 from tests.helpers import cycles
 from tests.helpers.scene_hints import scene_hints
 from tests.helpers.stress import compare
-from tests.helpers.stress_marks import thinned
+from tests.helpers.stress_marks import stress
 from tests.helpers.stress_stage import add_lamp, add_square, diffuse_material
 
 # Straight below a lamp an estimate is exact; what is left is the noise and width of the rendered spot.
 TOLERANCE = 0.01
 NO_LIGHT = "its nodes send out no light"
 CANDELA = 40.0
+AGAINST_NODES = stress("2,048 samples of Blender's nodes", fast=[
+    "lights/test_lamp_nodes.py::test_the_estimated_irradiance_of_a_lamp_with_nodes_is_what_cycles_puts_on_a_white_plane",
+    "lights/test_lamp_nodes.py::test_a_lamp_whose_nodes_are_dark_for_good_is_no_hint",
+])
 
 
 def profile(values, *, horizontal=(0,), head="TILT=NONE", multiplier=1.0):
@@ -170,6 +174,7 @@ def test_a_lamp_whose_nodes_are_dark_for_good_is_no_hint(scene, nodes, skipped):
     assert [hint.name for hint in hints] == ([] if skipped else ["Point"])
 
 
+@AGAINST_NODES
 def test_a_weak_lamp_with_a_bright_profile_is_looked_for_before_a_stronger_one_without(scene, stress_record):
     """A hundred times the power of the lamp comes from its profile, beside nine lamps for eight places."""
     def build(scene, material):
@@ -196,11 +201,9 @@ def light_with_texture(scene, kind):
     tree.links.new(texture.outputs["Color"], emission(lamp).inputs["Color"])
 
 
-MANY = "2,048 samples of nodes in OSL"
-
-
-@pytest.mark.parametrize("light", thinned([light_with_beam, light_with_texture], [light_with_beam], MANY))
-@pytest.mark.parametrize("kind", thinned(["POINT", "SPOT", "AREA"], ["SPOT"], MANY))
+@AGAINST_NODES
+@pytest.mark.parametrize("light", [light_with_beam, light_with_texture])
+@pytest.mark.parametrize("kind", ["POINT", "SPOT", "AREA"])
 def test_glints_of_a_lamp_with_nodes_are_those_of_blenders_nodes(stress_record, light, kind):
     def build(scene, material):
         add_square(scene, material)

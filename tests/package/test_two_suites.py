@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-# Collects the tests with the -m of each target, in one process, and writes {target: [[id, mark or null], ...]}.
+# Collects the tests with the -m of each target, in one process, and writes {target: [[id, facts], ...]}.
 _COLLECT = """
 import json, sys, pytest
 
@@ -23,7 +23,8 @@ class Noted:
     def pytest_collection_finish(self, session):
         for item in session.items:
             mark = item.get_closest_marker("stress")
-            self.chosen.append([item.nodeid, mark.kwargs if mark else None])
+            facts = {"mark": mark.kwargs if mark else None, "is_in_table": "stress_record" in item.fixturenames}
+            self.chosen.append([item.nodeid, facts])
 
 found = {}
 for target, expression in json.loads(sys.argv[1]).items():
@@ -50,7 +51,7 @@ def marks(target: str) -> str:
 
 @pytest.fixture(scope="module")
 def collected(tmp_path_factory) -> dict:
-    """What each target collects, and all there is: {target: {id: mark's arguments or None}}.
+    """What each target collects, and all there is: {target: {id: {mark: its arguments, is_in_table}}}.
 
     All 3,000 tests are imported in a process of its own, once: 8 s of processor time.
     """
@@ -71,10 +72,17 @@ def test_every_test_is_in_one_of_both_suites(collected):
 
 def test_a_test_that_waits_says_why_and_another_guards_its_rule_meanwhile(collected):
     at_once = {name.removeprefix("tests/").partition("[")[0] for name in collected["test"]}
-    for name, mark in collected["stress"].items():
+    for name, facts in collected["stress"].items():
+        mark = facts["mark"]
         own = name.removeprefix("tests/").partition("[")[0]
         assert mark["reason"], name
         assert set(mark["fast"] or [own]) <= at_once, f"{name} waits alone: {mark['fast']}"
+
+
+def test_the_table_of_stress_cases_has_all_that_are_recorded(collected):
+    """But for those of one_of_each, which are in it already, as cases of their groups."""
+    others = {name.partition("[")[0] for name, facts in collected["test"].items() if facts["is_in_table"]}
+    assert {name.partition("::")[0] for name in others} == {"tests/stress/test_one_of_each.py"}
 
 
 def test_continuous_integration_runs_both_suites_and_the_checks_of_style():
