@@ -196,7 +196,7 @@ LOST = [(0.01, 1.0), (0.5, 1.0), (0.9, 1.0), (0.4, 0.6)]
 
 
 def test_an_index_of_which_a_part_is_lost_takes_no_light_away(scene, wall):
-    """Slow: six renders, each with another table compiled into its shader."""
+    """Slow: six renders, and the name of a table is compiled into its shader."""
     image = maps.blender_image("map", maps.bumps(256))
     material = create_glint_material("Wall", image, interpolation="CLOSEST", roughness=0.12)
     wall.data.materials.append(material)

@@ -73,6 +73,7 @@ def look_through_a_mirror(scene, place, angle):
 
 
 def test_a_mirror_shows_the_glints_and_footprints_of_the_unfolded_view():
+    """Slow: four renders, each with a shader of its own."""
     place = (0, -2, 2)
     pictures, visits = [], []
     for view in (look, look_through_a_mirror):

@@ -34,6 +34,7 @@ def the_far_end_of_a_map(record, folder):
 
 
 def kept_data(record, folder):
+    """Slow: four renders of a room; nothing else sees that data which Blender keeps follow a light."""
     settings.test_kept_data_follows_a_light(record)
 
 
