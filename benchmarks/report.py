@@ -1,4 +1,4 @@
-"""Tables from the stored results, never typed: benchmarks/RESULTS.md, and the headline in the README's marked block."""
+"""Tables from the stored results, never typed: RESULTS.md, and the headline in the marked block of README.md here."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .headline import BIAS_SPP, FIRST_SPP, HEADLINE_SPP
 from .record import RESULTS, ROOT, machine_line, read_json
 from .run import FILE
 
-README = ROOT / "README.md"
+README = ROOT / "benchmarks" / "README.md"
 PAGE = ROOT / "benchmarks" / "RESULTS.md"
 BEGIN, END = "<!-- bench table: begin -->", "<!-- bench table: end -->"
 NOTHING = "Not measured yet: `make bench` does."
@@ -52,14 +52,14 @@ def stored_results() -> dict:
 def with_block(readme: str, table: str) -> str:
     """The text `readme` with `table` between the marks. Raises ValueError if there is not one such block."""
     if readme.count(BEGIN) != 1 or readme.count(END) != 1:
-        raise ValueError(f"The README needs one block between {BEGIN} and {END}: put the marks back.")
+        raise ValueError(f"benchmarks/README.md needs one block between {BEGIN} and {END}: put the marks back.")
     before, rest = readme.split(BEGIN)
     return f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}"
 
 
 def readme_block(lines, results) -> str:
     """Markdown for the README: the summary picture and the headline figures."""
-    return f"{_picture('docs/benchmark.png')}\n\n{headline_table(lines, results)}" if lines else NOTHING
+    return f"{_picture('../docs/benchmark.png')}\n\n{headline_table(lines, results)}" if lines else NOTHING
 
 
 def headline_table(lines, results) -> str:

@@ -1,4 +1,4 @@
-"""The demo's table: printed, stored as JSON, and put into the README's marked block."""
+"""The demo's table: printed, stored as JSON, and put into the marked block of this folder's README."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 import bpy
 
 ROOT = Path(__file__).resolve().parent.parent
-README = ROOT / "README.md"
+README = ROOT / "demo_scenes" / "README.md"
 DOCS = ROOT / "docs"
 BEGIN, END = "<!-- demo table: begin -->", "<!-- demo table: end -->"
 DOCS_PICTURES = ("glint_before_after", "flakes_close", "flakes_far", "scratches_close", "brushed_far")
@@ -50,7 +50,7 @@ def update_readme(text, out):
     """
     readme = README.read_text(encoding="utf-8")
     if readme.count(BEGIN) != 1 or readme.count(END) != 1:
-        raise ValueError(f"{README.name} needs one block between {BEGIN} and {END}: put the marks back.")
+        raise ValueError(f"demo_scenes/{README.name} needs one block between {BEGIN} and {END}: put the marks back.")
     before, rest = readme.split(BEGIN)
     after = rest.split(END)[1]
     README.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")

@@ -142,11 +142,11 @@ def test_a_truth_material_refuses_an_image_shown_as_colour():
         truth_material("Truth", image)
 
 
-def test_every_picture_the_readmes_show_is_there_and_small():
+def test_every_picture_the_readme_shows_is_there_and_small():
     shown = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", report.README.read_text(encoding="utf-8"))
     assert len(shown) >= 5
     for name in shown:
-        assert (report.ROOT / name).stat().st_size < LARGEST_PICTURE, name
+        assert (report.README.parent / name).stat().st_size < LARGEST_PICTURE, name
 
 
 def test_the_readme_has_numbers_of_every_comparison():
