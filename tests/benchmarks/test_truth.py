@@ -14,7 +14,7 @@ pytestmark = stress("the lobe against stored truths", fast=[
     "benchmarks/test_suite.py::test_every_truth_is_quiet_and_of_the_scene_as_it_is",
 ])
 
-# One light each: of several, Cycles asks one a sample, and that choice is noise which no material can take away.
+# One light each: Cycles samples one light per sample, and that choice is noise which no material can take away.
 SCENES = ("flakes_middle", "eight_bit", "scratches_middle")
 SPP = (4, 16)
 NODES_SPP = 256
