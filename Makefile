@@ -6,7 +6,7 @@ MAKEFLAGS += --no-print-directory
 STAMP := .venv/.glint-stamp
 VENV_PYTHON := .venv/bin/python
 
-.PHONY: help setup demo test stress lint package truth bench bench-quick clean
+.PHONY: help setup demo test stress lint package truth bench bench-quick screenshots clean
 
 help:  ## Say what each target does
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -45,6 +45,13 @@ bench: $(STAMP)  ## Measure run time against error, write tables and plots (abou
 
 bench-quick: $(STAMP)  ## Compare what the lobe does on two scenes with the limits (counts; times inform)
 	@$(VENV_PYTHON) -m benchmarks quick >/dev/null  # where Blender names every picture it saves
+
+screenshots: $(STAMP)  ## Take the pictures of Blender's window in docs/ (needs the application, and a screen)
+	@rm -rf out/screenshots
+	@$(VENV_PYTHON) tools/screenshots.py out/screenshots
+	@$(or $(BLENDER),blender) --factory-startup --window-geometry 0 0 1300 1000 \
+	    --python tools/screenshots.py -- out/screenshots $(ARGS)
+	@cp out/screenshots/panel.png out/screenshots/node.png docs/
 
 clean:  ## Remove what is built; the environment stays
 	@rm -rf dist out .pytest_cache .ruff_cache .mypy_cache .hypothesis
