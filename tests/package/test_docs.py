@@ -25,6 +25,9 @@ NOT_OURS = {
     "Dx", "Dy", "NAME_prepared.blend", "conductor_bsdf", "dielectric_bsdf", "generalized_schlick_bsdf",
     "gettextureinfo", "microfacet_f82_tint", "template.yaml",
 }
+# How Python and the shading language begin what they define.
+DEFINED = (r"^\s*(?:def|class|struct|shader|#define|closure color|int|float|void|vector|color|[A-Z]\w+) {name}\b"
+           r"|^{name}\b")
 # Options of Blender, of farms and of package tools.
 OPTIONS_OF_OTHERS = {"--command", "--background", "--python", "--repo", "--enable", "--gpu-backend"}
 # Words that were hard to understand, and may not come back.
@@ -93,8 +96,7 @@ def is_there(word: str, doc: Path) -> bool:
 
 def is_defined(name: str) -> bool:
     """Whether a name is a function, class, struct, shader or constant of the code."""
-    return re.search(rf"^\s*(?:closure color|#define|[a-zA-Z]\w*) {name}\b|^{name}\b", source(),
-                     re.MULTILINE) is not None
+    return re.search(DEFINED.format(name=name), source(), re.MULTILINE) is not None
 
 
 def wrong_names(text: str, doc: Path) -> list[str]:
@@ -111,6 +113,21 @@ def wrong_names(text: str, doc: Path) -> list[str]:
         elif name and ("_" in word or "." in word) and not word.endswith("_"):
             found = all(re.search(rf"\b{part}\b", source()) for part in name[1].split(".") if part)
             wrong += [] if found else [f"name {word}"]
+    return wrong
+
+
+PLACED = re.compile(r"`([\w./]+\.(?:py|h|osl))`:\s`(\w+)\(\)`|`(\w+)\(\)`(?:,[^`,]*,)?\sin\s`([\w./]+\.(?:py|h|osl))`")
+
+
+def wrong_places(text: str, doc: Path) -> list[str]:
+    """Functions that a text places in a file which has them not: "`file`: `function()`" or "`function()` in `file`"."""
+    wrong = []
+    for match in PLACED.finditer(text):
+        path, name = match[1] or match[4], match[2] or match[3]
+        files = [base / path for base in (doc.parent, *(ROOT / base for base in BASES)) if (base / path).is_file()]
+        code = files[0].read_text(encoding="utf-8") if files else ""
+        if files and not re.search(DEFINED.format(name=name), code, re.MULTILINE):
+            wrong.append(f"function {name} in {path}")
     return wrong
 
 
@@ -139,7 +156,7 @@ def wrong_commands(text: str) -> list[str]:
 
 def wrong_in(text: str, doc: Path) -> list[str]:
     """All that `text`, which stands in `doc`, cites and that is not there."""
-    return wrong_links(text, doc) + wrong_names(text, doc) + wrong_commands(text)
+    return wrong_links(text, doc) + wrong_names(text, doc) + wrong_places(text, doc) + wrong_commands(text)
 
 
 @pytest.mark.parametrize("doc", DOCS, ids=lambda doc: str(doc.relative_to(ROOT)))
@@ -150,6 +167,8 @@ def test_what_a_document_cites_is_there(doc):
 @pytest.mark.parametrize(("text", "wrong"), [
     ("See `glint_addon/bake/tabel.py`.", "path glint_addon/bake/tabel.py"),
     ("See `osl/query.hpp/`.", "path osl/query.hpp/"),
+    ("First `osl/query.h`: `glint_lobe()`.", "function glint_lobe in osl/query.h"),
+    ("First `glint_lobe()` in `osl/query.h`.", "function glint_lobe in osl/query.h"),
     ("It calls `prepare_scenes()`.", "function prepare_scenes()"),
     ("It reads `glint_addon.create_glint_materials`.", "name glint_addon.create_glint_materials"),
     ("![Panel](docs/panels.png)", "link docs/panels.png"),
