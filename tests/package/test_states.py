@@ -17,6 +17,7 @@ from glint_addon.nodes.glint_bsdf import OWN_NODES
 from glint_addon.nodes.glint_lights import KIND_LOCAL, KIND_NONE, KIND_SUN
 from glint_addon.nodes.scene_lights import PARTS, SHAPE
 from glint_addon.operators.change_map import GLINT_OT_change_map
+from glint_addon.operators.map_settings import MapSettings
 from glint_addon.prepare import watch
 from glint_addon.prepare.changes import table_states
 from glint_addon.ui import menus
@@ -166,7 +167,7 @@ def test_operators(found):
     press(ops.prepare)
     press(ops.keep_glints)
     if ops.change_map.poll():
-        softly(GLINT_OT_change_map.invoke, SimpleNamespace(), dialog_context(), None)
+        softly(GLINT_OT_change_map.invoke, dialog(), dialog_context(), None)
     press(ops.change_map, image="flakes.png")
     press(ops.change_map, filepath=str(picked))
     press(ops.change_map)
@@ -178,6 +179,13 @@ def test_operators(found):
     with shader_editor(shown.node_tree if shown else None):
         press(ops.add_node_group, group="Glint BSDF")
     look()
+
+
+def dialog():
+    """The operator as Blender calls it for a dialog; it makes operators itself, so that here one stands in."""
+    operator = SimpleNamespace()
+    operator.start_from = lambda binding: MapSettings.start_from(operator, binding)
+    return operator
 
 
 def dialog_context():

@@ -158,7 +158,7 @@ def test_a_map_that_changed_unknown_to_blender_is_refused_when_it_is_baked(scene
 
 def test_an_unknown_convention_is_refused_of_a_map_that_is_baked_too(scene, folder, tmp_path):
     prepare_scene(scene)
-    with pytest.raises(MapError, match='Normal map convention "VULKAN" is unknown'):
+    with pytest.raises(MapError, match='Convention "VULKAN" is unknown'):
         create_glint_material("Halo", tmp_path / "flakes.png", convention="VULKAN")
 
 
