@@ -10,14 +10,14 @@ from math import pi, sqrt
 
 import numpy as np
 
-from ..animation.curves import is_animated
-from ..animation.motion import KEEPS_THE_BOX, copies_others, has_fixed_box, is_fixed, keeps_its_shape
+from ..animation.motion import KEEPS_THE_BOX, is_fixed, keeps_its_shape
 from ..materials.worn import worn_materials
 from ..nodes.glint_lights import KIND_LOCAL
 from .emission import sampled_radiance
 from .hint import Ball, Hint
 from .irradiance import NEAREST
-from .receivers import lit_objects, world_bounds
+from .reasons import INVISIBLE, reason_here
+from .receivers import are_still, lit_objects, world_bounds
 from .softness import SOFT_HALF_ANGLE, TOO_SOFT, least_half_angle
 
 EMITTERS = {"MESH", "CURVE", "FONT", "SURFACE"}
@@ -43,8 +43,7 @@ def mesh_emitters(scene, layers, rendered, receivers, bounds) -> tuple[list[Hint
     rendered: objects in collections that `layers` render; receivers: objects with glints; bounds: their boxes, or
     others' where there are none. Matrices must be current.
     """
-    is_still = bool(receivers) and all(has_fixed_box(thing) for thing in receivers)
-    is_still = is_still and not any(copies_others(thing) for thing in scene.objects)
+    is_still = are_still(receivers, scene)
     hints, skipped, known = [], [], {}
     for thing in scene.objects:
         if not shines(thing, layers, known):
@@ -76,7 +75,7 @@ def shines(thing, layers, known: dict) -> bool:
 def reason_to_skip(thing) -> str:
     """Why an emissive object needs no hint wherever it is, in words, or an empty string."""
     if not thing.visible_glossy:
-        return "not visible to glossy rays"
+        return INVISIBLE
     return "" if _keeps_its_shape(thing) else DEFORMS
 
 
@@ -103,17 +102,6 @@ def mesh_hint(name, matrix, found: Shine, boxes, **where) -> Hint:
     distance = np.maximum(np.linalg.norm(np.clip(middle, low, high) - middle, axis=1), max(NEAREST, size))
     power = float((found.radiance * _cross_section(found, scale) / distance**2).max(initial=0.0))
     return Hint(name, KIND_LOCAL, power, size, ball=found.ball, **where)
-
-
-def reason_here(thing, in_rendered_collection, lights_receivers) -> str:
-    checks = (
-        (not in_rendered_collection, "its collections are hidden in renders or excluded from the view layer"),
-        (thing.hide_render and not is_animated(thing, "hide_render"), "hidden in renders"),
-        (not lights_receivers, "light linking excludes every object with glints"),
-        (thing.parent is not None and thing.parent.instance_type in {"VERTS", "FACES"},
-         f'shown by "{thing.parent and thing.parent.name}" alone, on its faces'),
-    )
-    return next((reason for applies, reason in checks if applies), "")
 
 
 def _keeps_its_shape(thing) -> bool:

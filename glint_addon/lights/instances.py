@@ -19,10 +19,8 @@ from .hint import Hint, Instance, Pose
 from .kind import lamp_at
 from .lamps import lamp_hint
 from .lamps import reason_to_skip as reason_to_skip_lamp
+from .reasons import INVISIBLE, UNLINKED
 from .receivers import lit_objects, world_bounds
-
-INVISIBLE = "not visible to glossy rays"
-UNLINKED = "light linking excludes every object with glints"
 
 
 class _Finder:

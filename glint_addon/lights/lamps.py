@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from ..animation.curves import is_animated, peak_value
-from ..animation.motion import copies_others, has_fixed_box, is_fixed
+from ..animation.motion import is_fixed
 from ..nodes.glint_lights import KIND_LOCAL, KIND_SUN
 from .emission import lamp_factor
 from .hint import Hint
 from .irradiance import irradiance, tint
 from .kinds import kind_of
-from .receivers import lit_objects, world_bounds
+from .reasons import INVISIBLE, reason_here
+from .receivers import are_still, lit_objects, world_bounds
 from .softness import SOFT_HALF_ANGLE, TOO_SOFT, least_half_angle
 
 MISSES = "shines past every object with glints, which are outside its cone or behind it"
@@ -22,8 +23,7 @@ def lamp_hints(scene, rendered, receivers, bounds) -> tuple[list[Hint], list[tup
     where there are none. Matrices must be current.
     """
     # A light that misses all of them now misses them always, if nothing moves.
-    is_still = bool(receivers) and all(has_fixed_box(thing) for thing in receivers)
-    is_still = is_still and not any(copies_others(thing) for thing in scene.objects)
+    is_still = are_still(receivers, scene)
 
     hints, skipped = [], []
     for lamp in (thing for thing in scene.objects if thing.type == "LIGHT"):
@@ -40,17 +40,6 @@ def lamp_hints(scene, rendered, receivers, bounds) -> tuple[list[Hint], list[tup
     return hints, skipped
 
 
-def reason_here(lamp, in_rendered_collection: bool, lights_receivers: bool) -> str:
-    """Why the light needs no hint where it is, in words, or an empty string."""
-    checks = (
-        (not in_rendered_collection, "its collections are hidden in renders or excluded from the view layer"),
-        (lamp.hide_render and not is_animated(lamp, "hide_render"), "hidden in renders"),
-        (not lights_receivers, "light linking excludes every object with glints"),
-        (_instances_children(lamp.parent), f'shown by "{lamp.parent and lamp.parent.name}" alone, on its faces'),
-    )
-    return next((reason for applies, reason in checks if applies), "")
-
-
 def reason_to_skip(lamp) -> str:
     """Why a light object needs no hint wherever it is, in words, or an empty string."""
     light = lamp.data
@@ -58,7 +47,7 @@ def reason_to_skip(lamp) -> str:
         (light.energy <= 0 and not _may_shine_later(light), "its energy is zero or negative"),
         (max(tint(light)) <= 0 and not is_animated(light, "color"), "its colour is black"),
         (max(lamp_factor(light)) <= 0 and not _has_moving_nodes(light), "its nodes send out no light"),
-        (not lamp.visible_glossy, "not visible to glossy rays"),
+        (not lamp.visible_glossy, INVISIBLE),
     )
     return next((reason for applies, reason in checks if applies), "") or kind_of(lamp).reason_to_skip(light)
 
@@ -89,7 +78,3 @@ def _is_soft(lamp, boxes) -> bool:
     if kind.is_distant:
         return False  # `reason_to_skip` judges them, moving or not
     return least_half_angle(lamp.matrix_world.translation, kind.cross_section(lamp), *boxes) > SOFT_HALF_ANGLE
-
-
-def _instances_children(parent) -> bool:
-    return parent is not None and parent.instance_type in {"VERTS", "FACES"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..animation.motion import copies_others
+from ..animation.motion import copies_others, has_fixed_box
 from ..materials.worn import worn_materials
 from ..nodes.glint_bsdf import is_glint_group
 
@@ -30,6 +30,13 @@ def _uses_glints(tree, known) -> bool:
         inner = (node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup")
         known[tree] = known[tree] or any(_uses_glints(group, known) for group in inner)
     return known[tree]
+
+
+def are_still(receivers, scene) -> bool:
+    """Whether what lamps miss now they miss at every frame: the boxes of `receivers`, which are some, stay where they
+    are, and nothing in `scene` may show copies elsewhere."""
+    fixed = bool(receivers) and all(has_fixed_box(thing) for thing in receivers)
+    return fixed and not any(copies_others(thing) for thing in scene.objects)
 
 
 def copied_places(scene, layers) -> dict:

@@ -6,13 +6,13 @@ import hashlib
 
 from ..animation.curves import is_animated
 from ..images import image_state
-from ..lights.emitters import reason_here as reason_here_mesh
 from ..lights.emitters import reason_to_skip as reason_to_skip_mesh
 from ..lights.emitters import shines
 from ..lights.hints import rendered_objects
 from ..lights.instances import rendered_members
 from ..lights.kinds import kind_of
-from ..lights.lamps import reason_here, reason_to_skip
+from ..lights.lamps import reason_to_skip
+from ..lights.reasons import reason_here
 from ..nodes.scene_lights import followed_objects
 from .uses import render_layers
 
@@ -29,7 +29,7 @@ def light_facts(scene) -> dict[str, list[str]]:
             reason = reason_here(thing, thing in rendered, True) or reason_to_skip(thing)
             found[f'Light "{thing.name_full}"'] = [kind_of(thing).words, reason, _linking(thing)]
         elif shines(thing, layers, radiances):
-            reason = reason_here_mesh(thing, thing in rendered, True) or reason_to_skip_mesh(thing)
+            reason = reason_here(thing, thing in rendered, True) or reason_to_skip_mesh(thing)
             found[f'Emissive object "{thing.name_full}"'] = ["an emissive object", reason, _linking(thing)]
         elif thing.instance_type == "COLLECTION" and thing.instance_collection and not thing.hide_render:
             inner = [each for each in rendered_members(thing.instance_collection)

@@ -10,6 +10,7 @@ from ...images import USABLE_SOURCES
 from ...nodes.driven import Driven
 from ...nodes.glint_lights import HINT_COUNT, KIND_NONE, KIND_SUN
 from ..hint import Hint
+from ..reasons import INVISIBLE
 from ..softness import SOFT_HALF_ANGLE, TOO_SOFT
 from .direction import UnreadableMappingError, in_world
 from .picture import linear_pixels
@@ -41,7 +42,7 @@ def world_hints(scene, layers=()) -> tuple[list[Hint], list[tuple[str, str]]]:
 def _hints_of(scene, world):
     textures, reasons = world_textures(world)
     for applies, reason in (
-        (not world.cycles_visibility.glossy, "not visible to glossy rays"),
+        (not world.cycles_visibility.glossy, INVISIBLE),
         (world.cycles.sampling_method == "NONE", MET_BY_CHANCE),
     ):
         if textures and applies:
