@@ -25,6 +25,9 @@ AREA_RADIUS = {
     "ELLIPSE": "0.5*sqrt(max(width*width*({x}),height*height*({y})))",
 }
 ROUND = {"DISK", "ELLIPSE"}
+# Largest angle [rad] of a spot's cone, whose half is given to a tangent: that of pi / 2 in 32 bits is negative, and the
+# cone of a spot of 180 degrees would hold nothing.
+WIDEST_CONE = 3.14
 TWO_SIDES = {"RECTANGLE", "ELLIPSE"}  # squares and disks have one length for both
 PORTAL = "a portal, which sends out no light of its own"
 
@@ -82,13 +85,12 @@ class Spot(Point):
     def cone(self, lamp):
         """The wider half-angle of a stretched cone."""
         x, y, z = (lamp.matrix_world.col[axis].length for axis in range(3))
-        return atan(tan(lamp.data.spot_size / 2) * max(x, y) / z) if z else pi / 2
+        return atan(tan(min(lamp.data.spot_size, WIDEST_CONE) / 2) * max(x, y) / z) if z else pi / 2
 
     def driven_cone(self, lamp):
         matrix = DrivenMatrix(lamp)  # the product of both matrices would not fit the 255 characters of an expression
         x, y, z = (matrix.squared_length(column) for column in range(3))
-        # A tangent is negative at pi / 2, rounded up.
-        expression = f"atan(tan(min(angle,3.14)/2)*sqrt(max({x},{y})/max({z},1e-30)))"
+        expression = f"atan(tan(min(angle,{WIDEST_CONE})/2)*sqrt(max({x},{y})/max({z},1e-30)))"
         return matrix.driven(expression, object_property("angle", lamp, "data.spot_size"))
 
 

@@ -1,5 +1,7 @@
 """The table of light kinds against Blender's own kinds, their drivers, and what they say of themselves."""
 
+import math
+
 import bpy
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from glint_addon.nodes.glint_lights import HINT_COUNT, KIND_LOCAL, KIND_SUN
 from tests.lights.test_lights import add_lamp, add_reader, connected, slot_values
 
 SIZE_TOLERANCE = 1e-6  # of 32-bit floats
+LEFT_OF_A_RIGHT_ANGLE = 1e-3  # radians; cones end at 3.14, a tangent's sign changes behind
 SHAPES = ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE")
 FORMS = [(kind, {}) for kind in KINDS if kind != "AREA"] + [("AREA", {"shape": shape}) for shape in SHAPES]
 BOX = np.full((1, 3), -0.5), np.full((1, 3), 0.5)
@@ -66,6 +69,22 @@ def test_what_is_read_of_each_kind_is_what_its_drivers_say(scene):
             assert size == pytest.approx(kind.size(lamp), rel=SIZE_TOLERANCE) and size > 0.0, lamp.data.type
             assert cone == pytest.approx(kind.cone(lamp) or 0.0, rel=SIZE_TOLERANCE), lamp.data.type
             assert (kind.driven_cone(lamp) is None) == (kind.cone(lamp) is None) == (not kind.cones), lamp.data.type
+
+
+@pytest.mark.parametrize("degrees", [170.0, 179.95, 180.0])
+def test_a_spot_that_is_half_of_all_directions_wide_has_a_cone_as_its_driver_says(scene, degrees):
+    add_reader(scene)
+    lamp = add_lamp(scene, "Spot", "SPOT", spot_size=math.radians(degrees))
+    driven = slot_values(connected(scene), 1)[1][2]
+    cone = kind_of(lamp).cone(lamp)
+    assert cone == pytest.approx(math.radians(degrees / 2), abs=LEFT_OF_A_RIGHT_ANGLE)
+    assert driven == pytest.approx(cone, rel=SIZE_TOLERANCE)
+
+
+def test_a_spot_of_180_degrees_shines_on_what_is_beside_its_axis(scene):
+    lamp = add_lamp(scene, "Spot", "SPOT", location=(4, 0, 3), spot_size=math.pi)
+    scene.view_layers[0].update()
+    assert irradiances(lamp, *BOX, 1.0)[0] > 0.0
 
 
 @pytest.mark.parametrize("kind", KINDS)
