@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..animation.motion import copies_others, has_fixed_box
+from ..materials.find import held_groups
 from ..materials.worn import worn_materials
 from ..nodes.glint_bsdf import is_glint_group
 
@@ -17,19 +18,15 @@ def glint_objects(objects, layers) -> list:
     return [
         thing
         for thing in objects
-        if any(_uses_glints(material.node_tree, known) for material in worn_materials(thing, layers))
+        if any(_shows_glints(material, known) for material in worn_materials(thing, layers))
     ]
 
 
-def _uses_glints(tree, known) -> bool:
-    """Whether node tree `tree` is or holds a Glint BSDF group; `known` remembers the trees seen."""
-    if tree is None:
-        return False
-    if tree not in known:
-        known[tree] = is_glint_group(tree)
-        inner = (node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup")
-        known[tree] = known[tree] or any(_uses_glints(group, known) for group in inner)
-    return known[tree]
+def _shows_glints(material, known) -> bool:
+    """Whether a material holds a Glint BSDF group, also one without a map; `known` remembers the materials seen."""
+    if material not in known:
+        known[material] = any(map(is_glint_group, held_groups(material.node_tree)))
+    return known[material]
 
 
 def are_still(receivers, scene) -> bool:

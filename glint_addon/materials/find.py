@@ -15,23 +15,24 @@ def is_glint_material(material) -> bool:
 
 def glint_groups(material) -> list[bpy.types.ShaderNodeTree]:
     """The Glint BSDF groups with a map that a material uses, also inside other groups; each once."""
-    found = []
-    seen = set()
+    tree = material.node_tree if material is not None else None
+    return [group for group in held_groups(tree) if is_glint_group(group) and map_of(group) is not None]
 
-    def search(tree):
-        for node in tree.nodes if tree is not None else ():
-            inner = node.node_tree if node.bl_idname == "ShaderNodeGroup" else None
-            if inner is None or inner.name_full in seen:
-                continue
-            seen.add(inner.name_full)
-            if is_glint_group(inner):
-                if map_of(inner) is not None:
-                    found.append(inner)
-            else:
-                search(inner)
 
-    search(material.node_tree if material is not None else None)
-    return found
+def held_groups(tree, seen=None):
+    """The node groups inside node tree `tree`, or None, each once: at any depth, but not what Glint BSDF groups hold.
+
+    seen: groups to leave out, with all that they hold; those found are added to it.
+    """
+    seen = set() if seen is None else seen
+    for node in tree.nodes if tree is not None else ():
+        inner = node.node_tree if node.bl_idname == "ShaderNodeGroup" else None
+        if inner is None or inner in seen:
+            continue
+        seen.add(inner)
+        yield inner
+        if not is_glint_group(inner):
+            yield from held_groups(inner, seen)
 
 
 def glint_lobes(material) -> int:

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 from mathutils import Euler
 
+from ..materials.find import held_groups
 from ..nodes.glint_bsdf import VECTOR
 
 # Part of a surface that is ignored at either end of its densities: slivers, and the poles of a sphere's UV map.
@@ -34,17 +35,9 @@ def uv_transforms(material, group) -> list[tuple[str, np.ndarray]] | None:
                 return None
             # An input without a link reads the active UV map, as of every texture.
             found.append(_uv_transform(socket) if socket.is_linked else ("", np.eye(2)))
-        elif _holds(node.node_tree, group, set()):
+        elif group in held_groups(node.node_tree):
             return None
     return None if None in found or not found else found
-
-
-def _holds(tree, group, seen: set) -> bool:
-    """Whether node tree `tree` is or holds `group`, at any depth."""
-    if tree is None or tree in seen:
-        return False
-    seen.add(tree)
-    return tree == group or any(_holds(getattr(node, "node_tree", None), group, seen) for node in tree.nodes)
 
 
 def _uv_transform(socket) -> tuple[str, np.ndarray] | None:
