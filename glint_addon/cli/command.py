@@ -175,10 +175,9 @@ def scene_facts() -> list[dict]:
 def changes_of(scene) -> list[str]:
     """What changed since `scene` was prepared; nothing has been evaluated yet in a file that was just opened."""
     from ..prepare.changes import changes_since_prepared
-    from ..prepare.uses import render_layers
+    from ..prepare.uses import rendered_layers
 
-    for layer in render_layers(scene):
-        layer.update()
+    rendered_layers(scene)
     return changes_since_prepared(scene)
 
 

@@ -16,10 +16,13 @@ from .receivers import glint_objects, world_bounds
 from .world.hints import world_hints
 
 
-def rendered_layers(scene) -> list[bpy.types.ViewLayer]:
-    """The view layers of `scene` that are switched on for rendering, updated, so that matrices are current."""
+def rendered_layers(scene, *, update=True) -> list[bpy.types.ViewLayer]:
+    """The view layers of `scene` that are switched on for rendering.
+
+    update: bring them up to date, for matrices, and for the collections of a scene never shown.
+    """
     layers = [layer for layer in scene.view_layers if layer.use]
-    for layer in layers:
+    for layer in layers if update else ():
         layer.update()
     return layers
 

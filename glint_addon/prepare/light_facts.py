@@ -8,13 +8,12 @@ from ..animation.curves import is_animated
 from ..images import image_state
 from ..lights.emitters import reason_to_skip as reason_to_skip_mesh
 from ..lights.emitters import shines
-from ..lights.hints import rendered_objects
+from ..lights.hints import rendered_layers, rendered_objects
 from ..lights.instances import rendered_members
 from ..lights.kinds import kind_of
 from ..lights.lamps import reason_to_skip
 from ..lights.reasons import reason_here
 from ..nodes.scene_lights import followed_objects
-from .uses import render_layers
 
 NODE_SETTINGS = {"location", "location_absolute", "width", "height", "select", "show_options", "show_preview", "hide",
                  "label", "name", "color", "use_custom_color", "parent", "dimensions", "is_active_output"}
@@ -22,7 +21,7 @@ NODE_SETTINGS = {"location", "location_absolute", "width", "height", "select", "
 
 def light_facts(scene) -> dict[str, list[str]]:
     """What shines, by what it is called in sentences: [kind, why it needs no hint or "", all else that matters]."""
-    layers = render_layers(scene)
+    layers = rendered_layers(scene, update=False)
     rendered, radiances, found = rendered_objects(layers), {}, {}
     for thing in scene.objects:
         if thing.type == "LIGHT":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .uses import render_layers
+from ..lights.hints import rendered_layers
 
 # Footprints have a margin for so much more or less resolution (`footprints.MARGIN`).
 LARGEST_ZOOM = 2.0
@@ -10,7 +10,7 @@ LARGEST_ZOOM = 2.0
 
 def setting_facts(scene) -> dict:
     """What a preparation takes from the scene's settings, by the words for it."""
-    render, cycles, layers = scene.render, scene.cycles, render_layers(scene)
+    render, cycles, layers = scene.render, scene.cycles, rendered_layers(scene, update=False)
     limits = "no limit"
     if render.use_simplify:
         limits = f"{cycles.texture_limit_render} at {cycles.texture_resolution_render:g}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..animation.curves import is_animated
-from ..lights.hints import rendered_objects
+from ..lights.hints import rendered_layers, rendered_objects
 from ..materials.find import glint_groups
 from ..materials.worn import hidden_materials, worn_materials
 
@@ -11,13 +11,10 @@ from ..materials.worn import hidden_materials, worn_materials
 def glint_uses(scene, *, update: bool = True) -> dict:
     """{group: [(object, material), ...]} of each Glint BSDF group with a map that `scene` renders, with what shows it.
 
-    update: bring the view layers up to date first, for matrices, and for the collections of a scene never shown.
+    update: bring the view layers up to date first.
     """
     uses = {}
-    layers = render_layers(scene)
-    if update:
-        for layer in layers:
-            layer.update()
+    layers = rendered_layers(scene, update=update)
     # A view layer's material override stands in for every object's own material.
     overrides = [layer.material_override for layer in layers if layer.material_override is not None]
     known = {}
@@ -42,15 +39,10 @@ def regrouped(uses) -> dict:
     return found
 
 
-def render_layers(scene) -> list:
-    """The view layers of `scene` that are rendered."""
-    return [layer for layer in scene.view_layers if layer.use]
-
-
 def unknown_materials(scene) -> list[str]:
     """Names of the rendered objects that may show glints which cannot be found: geometry nodes set them, in renders
     alone."""
-    layers = render_layers(scene)
+    layers = rendered_layers(scene, update=False)
     hidden = hidden_materials(_rendered(rendered_objects(layers), set()), layers)
     return sorted(thing.name for thing, materials in hidden.items() if any(map(glint_groups, materials)))
 
