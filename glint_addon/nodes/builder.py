@@ -75,6 +75,14 @@ def add_output(group, socket: Socket):
     return item
 
 
+def add_sockets(group, outputs, inputs):
+    """Add a group's outputs, then its inputs."""
+    for socket in outputs:
+        add_output(group, socket)
+    for socket in inputs:
+        add_input(group, socket)
+
+
 def add_node(group, kind, label="", **settings):
     """Add a node of type `kind` ("ShaderNodeMath") with properties set and sockets given by name as `inputs={...}`."""
     inputs = settings.pop("inputs", {})
@@ -92,13 +100,30 @@ def add_node(group, kind, label="", **settings):
 def add_math(group, operation, *operands, label="", vector=False):
     """Add a (Vector) Math node; operands are sockets (linked) or constants. Returns its first enabled output."""
     node = add_node(group, "ShaderNodeVectorMath" if vector else "ShaderNodeMath", label, operation=operation)
-    enabled = [socket for socket in node.inputs if socket.enabled]
-    for socket, operand in zip(enabled, operands, strict=False):
-        if isinstance(operand, bpy.types.NodeSocket):
-            group.links.new(operand, socket)
-        else:
-            socket.default_value = operand
-    return next(socket for socket in node.outputs if socket.enabled)
+    for socket, operand in zip(_enabled(node.inputs), operands, strict=False):
+        feed(group, socket, operand)
+    return _enabled(node.outputs)[0]
+
+
+def add_mix(group, data_type, factor, a, b, label):
+    """Add a Mix node of `data_type`; factor, a and b are sockets (linked) or constants. Returns its output."""
+    node = add_node(group, "ShaderNodeMix", label, data_type=data_type)
+    for socket, source in zip(_enabled(node.inputs), (factor, a, b), strict=True):
+        feed(group, socket, source)
+    return _enabled(node.outputs)[0]
+
+
+def feed(group, socket, source):
+    """Let an input of one of the group's nodes have what `source` gives, if that is a socket, else its value."""
+    if isinstance(source, bpy.types.NodeSocket):
+        group.links.new(source, socket)
+    else:
+        socket.default_value = source
+
+
+def _enabled(sockets) -> list:
+    """The sockets that the settings of their node leave in use."""
+    return [socket for socket in sockets if socket.enabled]
 
 
 def change_text(socket, change):

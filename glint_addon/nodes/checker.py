@@ -35,17 +35,10 @@ def build() -> bpy.types.ShaderNodeTree:
     group = builder.local_group(NAME)
     if group is None:
         group = builder.new_group(NAME, VERSION, "Checker in world space that fades to its mean far away (with OSL)")
-        _add_sockets(group)
+        builder.add_sockets(group, OUTPUTS, INPUTS)
         _add_nodes(group)
         builder.arrange(group)
     return group
-
-
-def _add_sockets(group):
-    for socket in OUTPUTS:
-        builder.add_output(group, socket)
-    for socket in INPUTS:
-        builder.add_input(group, socket)
 
 
 def _add_nodes(group):
@@ -70,17 +63,9 @@ def _add_nodes(group):
         group.links.new(scene.outputs[glint_lights.SAMPLES], script.inputs["Samples"])
         active = builder.add_math(group, "MULTIPLY", 0.0, inputs.outputs["Filter"], label="Filter Active")
         group.links.new(script.outputs["Active"], active.node.inputs[0])
-        factor = _add_mix(group, "FLOAT", active, factor, script.outputs["Share"], "Filtered")
+        factor = builder.add_mix(group, "FLOAT", active, factor, script.outputs["Share"], "Filtered")
 
-    color = _add_mix(group, "RGBA", factor, inputs.outputs["Color 2"], inputs.outputs["Color 1"], "Color")
+    color = builder.add_mix(group, "RGBA", factor, inputs.outputs["Color 2"], inputs.outputs["Color 1"], "Color")
     output = builder.add_node(group, "NodeGroupOutput")
     group.links.new(color, output.inputs["Color"])
     group.links.new(factor, output.inputs["Factor"])
-
-
-def _add_mix(group, data_type, factor, a, b, label):
-    """A Mix node of `data_type` between the sockets a and b; returns its output."""
-    node = builder.add_node(group, "ShaderNodeMix", label, data_type=data_type)
-    for source, target in zip((factor, a, b), (s for s in node.inputs if s.enabled), strict=True):
-        group.links.new(source, target)
-    return next(socket for socket in node.outputs if socket.enabled)
