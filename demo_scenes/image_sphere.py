@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from glint_addon.nodes import image_texture
+from glint_addon.nodes import image_choice
 
 from . import maps, stage
 
@@ -30,7 +30,7 @@ def planet_material():
     material = stage.diffuse_material("Planet")
     tree = material.node_tree
     image = maps.blender_image("Planet", planet(), is_data=False)
-    texture = image_texture.add_node(tree, image, mapping="SPHERICAL", filter="MIPMAP", up="Z")
+    texture = image_choice.add_node(tree, image, mapping="SPHERICAL", filter="MIPMAP", up="Z")
     tree.links.new(texture.outputs["Color"], tree.nodes["Diffuse"].inputs["Color"])
     return material
 

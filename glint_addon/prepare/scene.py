@@ -11,7 +11,7 @@ from .. import paths
 from ..errors import SceneError
 from ..images import ImageStates
 from ..materials.find import glint_groups, glint_lobes
-from ..nodes import glint_bsdf, image_texture
+from ..nodes import glint_bsdf, mip_levels
 from ..nodes.map_tables import MapTables
 from ..nodes.script_node import osl_available
 from ..seen.visibility import unseen_objects
@@ -58,7 +58,7 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
     report = Report(osl=is_on(scene), device=device(scene), warnings=scene_warnings(scene, found))
     # What is linked from another file cannot be changed here, but it looks for the lights of the scene being rendered.
     lit = {group: pairs for group, pairs in found.items() if group.library is None or reads_scene(group)}
-    if not lit and not image_texture.shows_mip_levels():
+    if not lit and not mip_levels.shows_mip_levels():
         return report
 
     # Bake first: all that can fail happens before the scene is touched.
@@ -103,7 +103,7 @@ def _baked(scene, uses, report, states, budget, *, mirrored):
         for index, plan in enumerate(plans):
             start, end = index / len(plans), (index + 1) / len(plans)
             tables.append((yield from bake_plan(plan, folder, report, decoded, start, end)))
-        report.mip_levels = image_texture.bake_missing(folder)
+        report.mip_levels = mip_levels.bake_missing(folder)
         yield Job("Glints are ready", 1.0, 1.0, lambda progress: None)
     report.levels = named_levels(plans)
     report.count_tables()

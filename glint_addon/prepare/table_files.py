@@ -19,7 +19,7 @@ from uuid import uuid4
 import bpy
 
 from .. import paths
-from ..nodes import image_texture, map_tables
+from ..nodes import map_tables, mip_levels
 from ..nodes.glint_bsdf import is_glint_group
 
 
@@ -81,7 +81,7 @@ def change_paths(group, change):
     """Let change(path) say what stands for each path that a node group names."""
     if is_glint_group(group):
         map_tables.change_paths(group, change)
-    image_texture.change_paths(group, change)
+    mip_levels.change_paths(group, change)
 
 
 def _neighbours() -> list[Path]:

@@ -8,7 +8,7 @@ import pytest
 
 from glint_addon.bake.openimageio import oiio
 from glint_addon.errors import MapError, SceneError
-from glint_addon.nodes import checker, image_texture, script_node
+from glint_addon.nodes import checker, image_choice, image_texture, mip_levels, script_node
 from glint_addon.properties import IMAGE_TEXTURE
 from tests.helpers import cycles
 from tests.helpers.stress_marks import stress
@@ -52,7 +52,7 @@ class Stage:
     def __init__(self, image, folder, *, size=(SIZE, SIZE), **options):
         self.material, self.shown = cycles.emission_material()
         self.tree = self.material.node_tree
-        self.group = image_texture.add_node(self.tree, image, folder=folder, **options)
+        self.group = image_choice.add_node(self.tree, image, folder=folder, **options)
         self.native = self.tree.nodes.new("ShaderNodeTexImage")
         self.native.image = image
         self.scene = bpy.context.scene
@@ -354,7 +354,7 @@ def test_a_lost_or_shrunk_pyramid_falls_back_to_bilinear(scene, tmp_path, loss):
 
 def test_each_image_has_one_group_and_a_second_call_finds_it(scene, tmp_path):
     first, second = generated(random_pixels(4, 4), "a"), generated(random_pixels(4, 4, seed=1), "b")
-    groups = [image_texture.build_for_image(image, folder=tmp_path) for image in (first, second, first, second)]
+    groups = [image_choice.build_for_image(image, folder=tmp_path) for image in (first, second, first, second)]
     assert groups[0] == groups[2] and groups[1] == groups[3] and groups[0] != groups[1]
     assert [group.name for group in groups[:2]] == ["Glint Image Texture", "Glint Image Texture.001"]
     assert len(list(tmp_path.iterdir())) == 2
@@ -363,32 +363,32 @@ def test_each_image_has_one_group_and_a_second_call_finds_it(scene, tmp_path):
 def test_options_become_the_values_of_new_nodes(scene, tmp_path):
     image = generated(random_pixels(4, 4))
     tree = cycles.emission_material()[0].node_tree
-    node = image_texture.add_node(tree, image, mapping="SPHERICAL", filter="NEAREST", up="Y", uv_map="second")
+    node = image_choice.add_node(tree, image, mapping="SPHERICAL", filter="NEAREST", up="Y", uv_map="second")
     values = [node.inputs[name].default_value for name in ("Mapping", "Filter", "Up Axis")]
     assert values == ["Spherical", "Nearest", "Y"]
     assert node.node_tree.nodes[image_texture.UV_NODE].uv_map == "second"
     for option in ({"mapping": "CUBE"}, {"filter": "CUBIC"}, {"up": "X"}):
         with pytest.raises(SceneError, match="is unknown: use one of"):
-            image_texture.build_for_image(image, folder=tmp_path, **option)
+            image_choice.build_for_image(image, folder=tmp_path, **option)
 
 
 def test_painting_bakes_again_and_what_is_baked_is_left_alone(scene, tmp_path):
     image = generated(random_pixels(4, 4))
     stage = Stage(image, tmp_path, filter="BILINEAR")
-    assert image_texture.bake_missing(tmp_path) == []  # nothing shows mip levels
+    assert mip_levels.bake_missing(tmp_path) == []  # nothing shows mip levels
     stage.group.inputs["Filter"].default_value = "Mipmap"
-    assert image_texture.bake_missing(tmp_path) == ["noise"]
-    assert image_texture.bake_missing(tmp_path) == []
+    assert mip_levels.bake_missing(tmp_path) == ["noise"]
+    assert mip_levels.bake_missing(tmp_path) == []
     image.pixels.foreach_set(random_pixels(4, 4, seed=5).ravel())
-    assert image_texture.bake_missing(tmp_path) == ["noise"]
+    assert mip_levels.bake_missing(tmp_path) == ["noise"]
 
 
 def test_an_image_of_many_files_is_refused_for_mipmap_and_shown_by_the_other_filters(scene, tmp_path):
     image = bpy.data.images.new("tiles", 8, 8, tiled=True)
     with pytest.raises(MapError, match="UDIM image, which has no single mip pyramid: use the Bilinear filter"):
-        image_texture.build_for_image(image, folder=tmp_path)
+        image_choice.build_for_image(image, folder=tmp_path)
     assert not [group for group in bpy.data.node_groups if IMAGE_TEXTURE in group], "a failed group is left"
-    group = image_texture.build_for_image(image, filter="BILINEAR", folder=tmp_path)
+    group = image_choice.build_for_image(image, filter="BILINEAR", folder=tmp_path)
     assert image_texture.image_of(group) == image
 
 
@@ -397,7 +397,7 @@ def test_an_image_without_pixels_is_refused(scene, tmp_path):
     (tmp_path / "gone.png").unlink()
     image.reload()
     with pytest.raises(MapError, match="has no pixels: check its path"):
-        image_texture.build_for_image(image, folder=tmp_path)
+        image_choice.build_for_image(image, folder=tmp_path)
 
 
 def saved_path(folder):
@@ -409,12 +409,12 @@ def saved_path(folder):
 def test_another_group_cannot_be_given_an_image(scene):
     group = bpy.data.node_groups.new("Other", "ShaderNodeTree")
     with pytest.raises(SceneError, match='"Other" is not a Glint Image Texture group'):
-        image_texture.set_image(group, generated(random_pixels(2, 2)))
+        image_choice.set_image(group, generated(random_pixels(2, 2)))
 
 
 def test_no_image_is_refused(scene):
     with pytest.raises(SceneError, match="needs an image: choose one"):
-        image_texture.set_image(image_texture.build(), None)
+        image_choice.set_image(image_texture.build(), None)
 
 
 def test_where_blender_has_no_osl_the_groups_are_native_nodes_only(scene, tmp_path, monkeypatch):
@@ -423,7 +423,7 @@ def test_where_blender_has_no_osl_the_groups_are_native_nodes_only(scene, tmp_pa
     close_view(stage)
     for group in (stage.group.node_tree, checker.build()):
         assert not [node for node in group.nodes if node.type == "SCRIPT"]
-    assert image_texture.bake_missing(tmp_path) == [] and not list(tmp_path.iterdir())
+    assert mip_levels.bake_missing(tmp_path) == [] and not list(tmp_path.iterdir())
     np.testing.assert_allclose(stage.filtered("Mipmap"), stage.blenders(), atol=1e-6)
 
 

@@ -9,7 +9,7 @@ import pytest
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.errors import MapError, TableError
 from glint_addon.materials.find import glint_groups
-from glint_addon.nodes import glint_bsdf, glint_lights, image_texture
+from glint_addon.nodes import glint_bsdf, glint_lights, image_choice
 from glint_addon.nodes.map_binding import map_of
 from glint_addon.paths import TABLE_FOLDER_NAME, disk_path, table_folder
 from tests.helpers import cycles
@@ -409,7 +409,7 @@ def test_an_image_that_went_bad_is_refused(scene, plane):
 def test_mip_levels_of_image_textures_are_baked_too_and_once(scene, blend):
     image = bpy.data.images.new("Checks", 8, 4)
     tree = cycles.emission_material()[0].node_tree
-    image_texture.add_node(tree, image, filter="BILINEAR")
+    image_choice.add_node(tree, image, filter="BILINEAR")
     assert prepare_scene(scene)["mip_levels"] == [] and not tables(blend)
 
     node = next(node for node in tree.nodes if node.type == "GROUP")

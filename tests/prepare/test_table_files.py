@@ -12,7 +12,7 @@ import pytest
 
 import glint_addon
 from glint_addon import create_glint_material, paths, prepare_scene
-from glint_addon.nodes import image_texture
+from glint_addon.nodes import image_choice
 from glint_addon.nodes.glint_bsdf import is_glint_group
 from glint_addon.prepare import file_events, table_files
 from glint_addon.prepare.changes import changes_since_prepared
@@ -80,7 +80,7 @@ def add_set(scene, glitter, shown):
 def shown_image(file):
     """A material that shines with a mipmapped image."""
     material, colour = cycles.emission_material("Shown")
-    node = image_texture.add_node(material.node_tree, bpy.data.images.load(str(file), check_existing=True))
+    node = image_choice.add_node(material.node_tree, bpy.data.images.load(str(file), check_existing=True))
     material.node_tree.links.new(node.outputs["Color"], colour)
     return material
 
