@@ -8,12 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from glint_addon.bake import float_image, normal_map, pyramid, table, tangent_frame
+from glint_addon.bake import float_image, normal_map, pyramid, table
 from glint_addon.bake.openimageio import oiio
 from glint_addon.errors import MapError
 from tests.reference import image_texture as interpolation
 from tests.reference import map as patches
 from tests.reference import table as shader
+from tests.reference import tangent_frame
 
 SETTINGS = settings(max_examples=60, deadline=None, derandomize=True)
 EPSILON = 2.0**-23  # float32 rounding of one operation

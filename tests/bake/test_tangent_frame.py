@@ -5,17 +5,17 @@ import numpy as np
 import pytest
 
 from glint_addon import paths
-from glint_addon.bake.tangent_frame import (
+from glint_addon.errors import MapError
+from glint_addon.nodes import script_node
+from tests.helpers import cycles
+from tests.helpers.osl_functions import evaluate
+from tests.reference.tangent_frame import (
     basis_around,
     object_to_world,
     tangent_frame,
     tangent_to_world,
     triangle_frame,
 )
-from glint_addon.errors import MapError
-from glint_addon.nodes import script_node
-from tests.helpers import cycles
-from tests.helpers.osl_functions import evaluate
 
 SIDE = 4  # SIDE x SIDE triangles in one picture
 FLOAT32 = 2e-5  # a few dozen float32 operations on unit vectors, UV areas above 2 % of their differences' product

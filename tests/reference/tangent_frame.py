@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import MapError
+from glint_addon.errors import MapError
 
 # UVs count as degenerate where their area is this small a part of the product of their differences' lengths: below it
 # float32 UVs (relative rounding 6e-8) no longer say on which side of each other the differences lie.
