@@ -8,8 +8,8 @@ from dataclasses import asdict
 import numpy as np
 
 from demo_scenes import measure
-from glint_addon.prepare.scene import scene_glint_groups
 from glint_addon.prepare.stored_tables import remembered_tables
+from glint_addon.prepare.uses import glint_uses
 
 from . import cost, methods, suite
 from .error import picture_error, truth_bias_noise
@@ -81,7 +81,7 @@ def nodes_osl_microseconds(name) -> float:
 
 def table_bytes(scene) -> int:
     """Bytes of the files of all glint tables of the scene; 0 for Blender's nodes."""
-    files = {file for group in scene_glint_groups(scene) for file in remembered_tables(group)}
+    files = {file for group in glint_uses(scene) for file in remembered_tables(group)}
     return sum(file.stat().st_size for file in files)
 
 

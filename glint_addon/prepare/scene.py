@@ -86,7 +86,8 @@ def _uses_in_view(scene, found, with_unseen) -> tuple[dict, list[str]]:
 
     Left out is what nobody sees; a table that is there already stays in use and up to date.
     """
-    uses = {group: found[group] for group in _by_name(found) if group.library is None}
+    by_name = sorted(found, key=lambda group: group.name_full)
+    uses = {group: found[group] for group in by_name if group.library is None}
     unseen = set() if with_unseen else _unseen_groups(scene, uses)
     left_out = {group for group in unseen if not MapTables.of(group).path}
     names = {material.name for group in left_out for _, material in uses[group]}
@@ -129,15 +130,6 @@ def _use_tables(baked):
         for group in plan.groups:
             glint_bsdf.refresh(group)
             tables.from_source(plan.state).write_to(group)
-
-
-def scene_glint_groups(scene) -> list[bpy.types.ShaderNodeTree]:
-    """Glint BSDF groups with a map on objects that `scene` renders; each once, by name."""
-    return _by_name(glint_uses(scene))
-
-
-def _by_name(groups) -> list:
-    return sorted(groups, key=lambda group: group.name_full)
 
 
 def _bound_work(choices):
