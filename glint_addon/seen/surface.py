@@ -46,7 +46,8 @@ def surface_patches(mesh, matrix) -> Patches:
 
     # Gather triangles of one cube of space that face the same way.
     middle = points.mean(axis=1)
-    cube = np.floor((middle - middle.min(axis=0)) / max(longest, 1e-12) * SIDES).astype(int)
+    with np.errstate(invalid="ignore"):  # places that are NaN may go to any cube: nobody sees a glint there
+        cube = np.floor((middle - middle.min(axis=0)) / max(longest, 1e-12) * SIDES).astype(int)
     facing = normals.mean(axis=1)
     side = np.argmax(np.abs(facing), axis=1)
     is_back = np.take_along_axis(facing, side[:, None], axis=1)[:, 0] < 0
@@ -60,8 +61,9 @@ def surface_patches(mesh, matrix) -> Patches:
     centres /= counts[:, None]
     axes = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12)
     radii, cosines = np.zeros(len(counts)), np.ones(len(counts))
-    np.maximum.at(radii, patch, np.linalg.norm(points - centres[patch][:, None], axis=2).max(axis=1))
-    np.minimum.at(cosines, patch, (normals * axes[patch][:, None]).sum(axis=2).min(axis=1))
+    with np.errstate(invalid="ignore"):  # their balls and spreads are NaN too
+        np.maximum.at(radii, patch, np.linalg.norm(points - centres[patch][:, None], axis=2).max(axis=1))
+        np.minimum.at(cosines, patch, (normals * axes[patch][:, None]).sum(axis=2).min(axis=1))
     crossed = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
     areas = np.bincount(patch, 0.5 * np.linalg.norm(crossed, axis=1), len(counts))
     return Patches(centres, areas, radii, axes, np.arccos(np.clip(cosines, -1.0, 1.0)), is_closed(mesh))

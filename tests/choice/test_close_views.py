@@ -139,6 +139,24 @@ def test_a_mesh_is_closed_when_it_has_an_inside_and_faces_away_from_it(scene):
     assert not is_closed(bpy.data.meshes.new("Empty"))
 
 
+@pytest.mark.parametrize("where", ["a corner", "the object"])
+def test_of_a_mesh_with_places_that_are_not_numbers_nothing_is_in_the_picture_there(scene, where):
+    """And no warning is given: pytest makes an error of it."""
+    cycles.add_camera(scene, (0, 0, 6), width=3.0)
+    plane = cycles.add_plane(scene)
+    matrix = np.eye(4)
+    if where == "a corner":
+        plane.data.vertices[0].co.x = math.nan
+    else:
+        matrix[:3, 3] = math.nan
+    bpy.context.view_layer.update()
+    patches = surface_patches(plane.data, matrix)
+    view = all_camera_views(scene, [1])[0][0]
+    _, is_in_picture = pixels_filled(view, patches)
+    is_somewhere = np.isfinite(patches.centres).all(axis=1)
+    assert not is_in_picture[~is_somewhere].any() and (~is_somewhere).any()
+
+
 @pytest.mark.parametrize("width", [None, 3.0], ids=["perspective", "orthographic"])
 def test_the_pixels_that_patches_fill_are_those_of_a_picture(scene, width):
     """Of a ball and a tilted plane, by the alpha of a render; from inside a ball everything is seen."""
