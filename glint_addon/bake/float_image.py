@@ -8,10 +8,11 @@ where the file goes. The attribute has a fixed length, so that it can be filled 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from os import SEEK_END
 from pathlib import Path
+from typing import BinaryIO
 from uuid import uuid4
 
 import numpy as np
@@ -32,7 +33,8 @@ BLOCK, BLOCKS = 4096, 64
 ROWS = 32  # written at a time, so that no whole picture is copied, and two threads have a block of compressed rows each
 
 
-_known_whole = set()  # (path, inode, size, time) of files that `is_whole` has looked at
+# (path, inode, size, time) of files that `is_whole` has looked at.
+_known_whole: set[tuple[Path, int, int, int]] = set()
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,14 @@ def list_shape(texels: int) -> tuple[int, int]:
     return width, 1 << (-(-texels // width) - 1).bit_length()
 
 
-def write_whole(path: Path, pixels, *, half: bool = False, pairs=None, steps: Steps | None = None):
+def write_whole(
+    path: Path,
+    pixels: np.ndarray | PixelRows,
+    *,
+    half: bool = False,
+    pairs: Mapping[str, Iterable[float]] | None = None,
+    steps: Steps | None = None,
+):
     """Write RGBA `pixels` (height, width, 4), row 0 at the bottom, to `path`: beside it first, then renamed.
 
     pixels: float32 array or PixelRows. half: 16-bit floats, compressed; else 32-bit and not compressed, because loading
@@ -123,7 +132,7 @@ def is_whole(path: Path) -> bool:
     return True
 
 
-def _add_digest(path):
+def _add_digest(path: Path):
     """Fill in the blank digest of a file that is written but for its digest."""
     with path.open("r+b", buffering=BLOCK) as file:
         place, _, digest = _digests(file)
@@ -131,7 +140,7 @@ def _add_digest(path):
         file.write(digest)
 
 
-def _digests(file) -> tuple[int, bytes, bytes]:
+def _digests(file: BinaryIO) -> tuple[int, bytes, bytes]:
     """Where a file keeps its digest (0: nowhere), the digest written there, and the right one."""
     size = file.seek(0, SEEK_END)
     digest = hashlib.sha256(str(size).encode())
@@ -147,7 +156,7 @@ def _digests(file) -> tuple[int, bytes, bytes]:
     return place, stored, digest.hexdigest().encode()
 
 
-def _block_starts(size) -> list[int]:
+def _block_starts(size: int) -> list[int]:
     """First byte of each block that the digest covers: whole pages, but the last block ends where the file ends."""
     if size <= BLOCK * BLOCKS:
         return list(range(0, size, BLOCK))
@@ -155,7 +164,14 @@ def _block_starts(size) -> list[int]:
     return [last * k // (BLOCKS - 1) // BLOCK * BLOCK for k in range(BLOCKS - 1)] + [last]
 
 
-def write_image(path: str, pixels, *, half: bool = False, pairs=None, steps: Steps | None = None):
+def write_image(
+    path: str,
+    pixels: np.ndarray | PixelRows,
+    *,
+    half: bool = False,
+    pairs: Mapping[str, Iterable[float]] | None = None,
+    steps: Steps | None = None,
+):
     """Write `pixels` as `write_whole` does, in place and with a blank digest.
 
     Raises TableError with OpenImageIO's words if that fails.
@@ -187,7 +203,7 @@ def write_image(path: str, pixels, *, half: bool = False, pairs=None, steps: Ste
         raise TableError(f"Glint table {path} cannot be written ({reason}): free some disk space.")
 
 
-def stored_pairs(path: Path, names) -> list[np.ndarray] | None:
+def stored_pairs(path: Path, names: Iterable[str]) -> list[np.ndarray] | None:
     """The pairs of floats, float32 (2,), under these names in a whole file's header; None if it has not all of them.
 
     None too if the file is not whole.

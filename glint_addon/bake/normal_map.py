@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from ..errors import MapError
@@ -44,7 +46,7 @@ def check_convention(convention: str):
         raise MapError(f'Normal map convention "{convention}" is unknown: use one of {", ".join(CONVENTIONS)}.')
 
 
-def _check_reading(pixels, convention, name):
+def _check_reading(pixels: np.ndarray, convention: str, name: str):
     """Raise MapError for what can be told without looking at a pixel."""
     check_convention(convention)
     if pixels.ndim != 3 or pixels.shape[2] < 3 or 0 in pixels.shape:
@@ -53,7 +55,7 @@ def _check_reading(pixels, convention, name):
         raise MapError(f'Normal map "{name}" is larger than {LARGEST_SIDE} texels a side: scale it down.')
 
 
-def _decode(pixels, parts, convention, name):
+def _decode(pixels: np.ndarray, parts: Iterable[np.ndarray], convention: str, name: str):
     """Decode ROWS rows of pixels after the other into `parts`, arrays for the normals of each. Raises MapError."""
     unusable, without_direction, faces_up = 0, 0, False
     for low, part in zip(range(0, len(pixels), ROWS), parts, strict=True):
@@ -71,7 +73,7 @@ def _decode(pixels, parts, convention, name):
     _refuse(unusable, without_direction, faces_up, name)
 
 
-def _refuse(unusable, without_direction, faces_up, name):
+def _refuse(unusable: int, without_direction: int, faces_up: bool, name: str):
     """Raise MapError for a map with such pixels, so many of each, or none that faces up."""
     if unusable:
         raise MapError(f'Normal map "{name}" has {unusable} pixels that are NaN, infinite or huge: export it again.')

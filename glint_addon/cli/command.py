@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+from argparse import Namespace
+from typing import Any
 
 import bpy
 
@@ -17,7 +19,7 @@ from .streams import blender_talks_to_stderr
 from .terminal import terminal_progress
 
 COMMAND = "glint"
-_handles = []
+_handles: list[Any] = []  # of Blender's, one for each command
 
 
 def register():
@@ -36,7 +38,7 @@ def main(arguments: list[str], program: str = f"blender --command {COMMAND}") ->
     try:
         options = parser(program, actions).parse_args(arguments)
     except SystemExit as stop:  # argparse has said what is wrong, or printed the help
-        return stop.code
+        return int(stop.code or 0)
     try:
         with blender_talks_to_stderr():
             lines = options.action(options)
@@ -47,7 +49,7 @@ def main(arguments: list[str], program: str = f"blender --command {COMMAND}") ->
     return 0
 
 
-def prepare_file(options) -> list[str]:
+def prepare_file(options: Namespace) -> list[str]:
     """Prepare a .blend file for glints and save it."""
     if options.save_as is not None:
         check_copy(options.file, options.save_as)
@@ -59,7 +61,7 @@ def prepare_file(options) -> list[str]:
     return [*lines, f"Saved {options.save_as or options.file}"]
 
 
-def render_file(options) -> list[str]:
+def render_file(options: Namespace) -> list[str]:
     """Prepare a .blend file and render a still, frames or its animation; the file itself is not changed."""
     ranges = None if options.frames is None else frame_ranges(options.frames)
     frame = None if options.frame is None else checked_frame(options.frame)
@@ -79,7 +81,7 @@ def render_file(options) -> list[str]:
     return lines + render_frames(scene, ranges)
 
 
-def change_settings(scene, options, *, numbered: bool):
+def change_settings(scene, options: Namespace, *, numbered: bool):
     """Let `scene` render as the command line says; `numbered`: each picture is named by its frame.
 
     All of it before the scene is prepared: tables fit its view layers and resolution.
@@ -97,7 +99,7 @@ def change_settings(scene, options, *, numbered: bool):
     choose_baking(scene, options)
 
 
-def choose_baking(scene, options):
+def choose_baking(scene, options: Namespace):
     """Set what the scene's tables may hold, on the scene itself: the panel then shows what the saved file holds."""
     if options.bake_unseen is not None:
         scene.glint.bake_unseen = options.bake_unseen
@@ -106,10 +108,10 @@ def choose_baking(scene, options):
         set_number(scene.glint, "table_budget", options.table_budget, words)
 
 
-def describe_file(options) -> list[str]:
+def describe_file(options: Namespace) -> list[str]:
     """Say which glint materials a .blend file holds; the file is not changed."""
     open_file(options.file)
-    facts = {"file": str(options.file), "materials": material_facts(), "scenes": scene_facts()}
+    facts: dict[str, Any] = {"file": str(options.file), "materials": material_facts(), "scenes": scene_facts()}
     if options.json:
         return [json.dumps(facts, indent=2)]
     lines = []
@@ -128,7 +130,7 @@ def describe_file(options) -> list[str]:
     return lines
 
 
-def material_facts() -> list[dict]:
+def material_facts() -> list[dict[str, Any]]:
     """Each glint material of the open file with its maps; a table that is not on disk counts as not baked."""
     from ..bake.float_image import is_whole
     from ..materials.find import glint_groups, is_glint_material
@@ -147,7 +149,7 @@ def material_facts() -> list[dict]:
     return facts
 
 
-def scene_facts() -> list[dict]:
+def scene_facts() -> list[dict[str, Any]]:
     """What the last preparation of each scene found, and advice on its settings."""
     from ..operators.keep_glints import ADVICE, softens_glints
     from ..prepare.shading_system import is_on
