@@ -10,36 +10,38 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
+from typing import Any
+
+import bpy
 
 from ..bake.float_image import is_whole
 from ..images import ImageStates, file_digest
 from ..nodes.glint_bsdf import VERSION
-from ..nodes.map_binding import map_of
 from ..nodes.scene_lights import held_sets
 from ..properties import PREPARED
 from .light_facts import changed_lights, foreign_lights, light_facts, lost_lights
 from .material_facts import changed_materials, changed_objects, lost_tables, material_facts, object_facts
 from .setting_facts import changed_settings, setting_facts
 from .stored_tables import remembered_tables
-from .uses import glint_uses
+from .uses import Uses, glint_uses, shown_map
 
 NOT_PREPARED = "This scene was not prepared yet."
 UNREADABLE = "What Glint noted of this scene's preparation is damaged."
 OTHER_VERSION = "This scene was prepared by another version of Glint."
 
 
-def remember_preparation(scene, uses, states: ImageStates):
+def remember_preparation(scene: bpy.types.Scene, uses: Uses, states: ImageStates) -> None:
     """Keep what `scene` is prepared from, at the end of its preparation.
 
     uses: what `glint_uses` finds in it now; states: of the images that were read, as they were then.
     """
     # Copied or moved elsewhere a file is new to the file system, though it holds what it did.
-    digests = {map_of(group).name_full: file_digest(map_of(group)) for group in uses}
+    digests = {image.name_full: file_digest(image) for image in map(shown_map, uses)}
     text = json.dumps(_facts(scene, uses, states) | {"digests": digests})
     scene[PREPARED] = f"{_digest(text)} {text}"
 
 
-def changes_since_prepared(scene) -> list[str]:
+def changes_since_prepared(scene: bpy.types.Scene) -> list[str]:
     """What changed since `scene` was prepared, a sentence each; none where it is prepared or shows no glints.
 
     Where something changed, glints are as right as ever, but may have the noise of Blender's own nodes: `prepare_scene`
@@ -64,20 +66,20 @@ def changes_since_prepared(scene) -> list[str]:
             + changed_settings(before["settings"], now["settings"]) + lost_tables(uses))
 
 
-def table_states(scene) -> dict[Path, str]:
+def table_states(scene: bpy.types.Scene) -> dict[Path, str]:
     """The files of the scene's tables, and what is wrong with each: "", "gone" or "damaged"."""
     tables = sorted({table for group in glint_uses(scene, update=False) for table in remembered_tables(group)})
     return {table: "" if is_whole(table) else "damaged" if table.is_file() else "gone" for table in tables}
 
 
-def _remembered(scene) -> dict | None:
+def _remembered(scene: bpy.types.Scene) -> dict[str, Any] | None:
     """The facts that `scene` was prepared from; None if they are not as they were written."""
     stored = scene[PREPARED]
     digest, _, text = stored.partition(" ") if isinstance(stored, str) else ("", "", "")
     return json.loads(text) if text and digest == _digest(text) else None
 
 
-def _has_report(scene) -> bool:
+def _has_report(scene: bpy.types.Scene) -> bool:
     """Whether the panel shows what a preparation found: before version 10 these left nothing else."""
     state = getattr(scene, "glint", None)
     return state is not None and state.prepared and any((state.hints, state.skipped_lights, state.tables))
@@ -87,7 +89,7 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _facts(scene, uses, states) -> dict:
+def _facts(scene: bpy.types.Scene, uses: Uses, states: ImageStates) -> dict[str, Any]:
     """What a preparation rests on, in JSON's types."""
     return {
         "version": VERSION,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -11,19 +12,21 @@ from .. import paths
 from ..nodes.map_binding import drop_pointers
 from .table_files import bring_tables, change_paths, find_tables, groups_with_tables, table_paths, take_back
 
-_before = {}  # {group: its paths} while a file is being saved, to be put back if that fails
-_made = []  # what was made on disk for the file that is being saved
-_left = []  # tables that an unsaved file has in the user's folder, which go once the file is saved
-_homes = {}  # folders of tables beside all files of this session, in order: undoing may lead back to what is there
+# The paths of each group while a file is being saved, to be put back if that fails.
+_before: dict[bpy.types.NodeTree, list[str]] = {}
+_made: list[Path] = []  # what was made on disk for the file that is being saved
+_left: list[Path] = []  # tables that an unsaved file has in the user's folder, which go once the file is saved
+# Folders of tables beside all files of this session, in order: undoing may lead back to what is there.
+_homes: dict[Path, None] = {}
 
 
-def register():
+def register() -> None:
     """Look after tables whenever a file is saved, opened or appended from."""
     for handlers, function in _handlers():
         handlers.append(function)
 
 
-def unregister():
+def unregister() -> None:
     """Look after them no more."""
     for handlers, function in _handlers():
         handlers.remove(function)
@@ -31,7 +34,7 @@ def unregister():
 
 
 @persistent
-def before_saving(file: str, *_):
+def before_saving(file: str, *_: object) -> None:
     """Have the tables beside the file that is to be written; no name of a file: Blender's startup file."""
     for memory in (_before, _made, _left):
         memory.clear()
@@ -48,7 +51,7 @@ def before_saving(file: str, *_):
 
 
 @persistent
-def after_saving(file: str, *_):
+def after_saving(file: str, *_: object) -> None:
     """Remove what an unsaved file had in the user's folder; the copy of a file leaves the open one as it was."""
     if not bpy.data.filepath or Path(bpy.data.filepath) != Path(file):
         _put_back()
@@ -62,14 +65,14 @@ def after_saving(file: str, *_):
 
 
 @persistent
-def after_saving_failed(*_):
+def after_saving_failed(*_: object) -> None:
     """Put back the paths that were for the file which could not be written, and take its tables away."""
     _put_back()
     take_back(_made)
 
 
 @persistent
-def after_opening(*_):
+def after_opening(*_: object) -> None:
     """Save the maps of an older version, and find tables beside the file: it kept absolute paths, as files that were
     never saved do."""
     _remember_home()
@@ -78,7 +81,7 @@ def after_opening(*_):
 
 
 @persistent
-def after_importing(context, *_):
+def after_importing(context: bpy.types.BlendImportContext, *_: object) -> None:
     """Find the tables of what was linked or appended; those of what was appended come along at once."""
     sources = [item.source_library for item in context.import_items if item.source_library is not None]
     find_tables([*_homes, *(paths.table_folder(bpy.path.abspath(source.filepath)) for source in sources)])
@@ -87,7 +90,7 @@ def after_importing(context, *_):
         bring_tables(appended, paths.table_folder(bpy.data.filepath))
 
 
-def _handlers():
+def _handlers() -> tuple[tuple[list[Callable[..., None]], Callable[..., None]], ...]:
     handlers = bpy.app.handlers
     return (
         (handlers.save_pre, before_saving),
@@ -100,13 +103,18 @@ def _handlers():
     )
 
 
-def _remember_home():
+def _remember_home() -> None:
     if bpy.data.filepath:
         _homes[paths.table_folder(bpy.data.filepath)] = None
 
 
-def _put_back():
+def _put_back() -> None:
     for group, stored in _before.items():
-        names = iter(stored)
-        change_paths(group, lambda _, names=names: next(names))
+        _name_again(group, stored)
     _before.clear()
+
+
+def _name_again(group: bpy.types.NodeTree, stored: list[str]) -> None:
+    """Let a group name the paths that it named before, in the order of `table_paths`."""
+    names = iter(stored)
+    change_paths(group, lambda _: next(names))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
+from typing import Any
 
 from ..errors import CancelledError, SceneError
 
@@ -19,15 +20,19 @@ class Job:
     text: str
     start: float
     end: float
-    work: Callable
+    work: Callable[..., Any]
 
-    def done(self, progress: Callable[[float, str], None]):
+    def done(self, progress: Callable[[float, str], None]) -> Any:
         """Do the work now and return its result; progress(fraction of the whole, text)."""
         progress(self.start, self.text)
         return self.work(progress=lambda part: progress(self.start + part * (self.end - self.start), self.text))
 
 
-def finished(steps: Generator, progress: Callable[[float, str], None]):
+# Jobs, each to be answered with what it returns, and what they make together.
+type Steps[Result] = Generator[Job, Any, Result]
+
+
+def finished[Result](steps: Steps[Result], progress: Callable[[float, str], None]) -> Result:
     """Do all jobs that `steps` yields and send it the result of each; returns the value that `steps` returns.
 
     An exception of a job or of `progress` closes `steps` and is raised again.
@@ -41,18 +46,19 @@ def finished(steps: Generator, progress: Callable[[float, str], None]):
             return stop.value
 
 
-class Running:
+class Running[Result]:
     """Jobs that run one after the other in a thread of their own, while `step` is called now and then.
 
     fraction, text: the progress of the jobs; result: the value that the steps return, once `step` has returned True.
     """
 
-    def __init__(self, steps: Generator):
-        self.fraction, self.text, self.result = 0.0, "", None
+    def __init__(self, steps: Steps[Result]) -> None:
+        self.fraction, self.text = 0.0, ""
+        self.result: Result | None = None
         self._steps = steps
         self._is_cancelled = False
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="glint")
-        self._job = None
+        self._job: Future[Any] | None = None
 
     def step(self) -> bool:
         """Start the next job if the present one is done; returns whether all jobs are finished.
@@ -76,17 +82,17 @@ class Running:
         self.close()
         return True
 
-    def cancel(self):
+    def cancel(self) -> None:
         """Let the running job end at its next report of progress."""
         self._is_cancelled = True
 
-    def close(self):
+    def close(self) -> None:
         """End the jobs, wait for the running one, and remove the files that they wrote unless all are finished."""
         self.cancel()
         self._thread.shutdown(wait=True, cancel_futures=True)
         self._steps.close()
 
-    def _progress(self, fraction, text):
+    def _progress(self, fraction: float, text: str) -> None:
         if self._is_cancelled:
             raise CancelledError("Stopped: nothing has changed, so prepare again before rendering.")
         self.fraction, self.text = fraction, text

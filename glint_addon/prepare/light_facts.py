@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
+from typing import Any
+
+import bpy
 
 from ..animation.curves import is_animated
 from ..images import image_state
@@ -19,10 +23,12 @@ NODE_SETTINGS = {"location", "location_absolute", "width", "height", "select", "
                  "label", "name", "color", "use_custom_color", "parent", "dimensions", "is_active_output"}
 
 
-def light_facts(scene) -> dict[str, list[str]]:
+def light_facts(scene: bpy.types.Scene) -> dict[str, list[str]]:
     """What shines, by what it is called in sentences: [kind, why it needs no hint or "", all else that matters]."""
     layers = rendered_layers(scene, update=False)
-    rendered, radiances, found = rendered_objects(layers), {}, {}
+    rendered = rendered_objects(layers)
+    radiances: dict[bpy.types.Material, float] = {}
+    found: dict[str, list[str]] = {}
     for thing in scene.objects:
         if thing.type == "LIGHT":
             reason = reason_here(thing, thing in rendered, True) or reason_to_skip(thing)
@@ -42,7 +48,7 @@ def light_facts(scene) -> dict[str, list[str]]:
     return found
 
 
-def changed_lights(before, now) -> list[str]:
+def changed_lights(before: dict[str, list[str]], now: dict[str, list[str]]) -> list[str]:
     """Sentences on what shines."""
     sentences = [f"{name} was added." for name in now if name not in before]
     sentences += [f"{name} is gone." for name in before if name not in now]
@@ -57,12 +63,12 @@ def changed_lights(before, now) -> list[str]:
     return sorted(sentences)
 
 
-def lost_lights(before, now) -> list[str]:
+def lost_lights(before: list[int], now: list[int]) -> list[str]:
     """A sentence where sets of lights are gone; before, now: their numbers."""
     return ["What glints look for in this scene was deleted."] if set(before) - set(now) else []
 
 
-def foreign_lights(scene) -> list[str]:
+def foreign_lights(scene: bpy.types.Scene) -> list[str]:
     """What is looked for in another scene: this one is a copy of that."""
     own, coming = set(), set(scene.objects)
     while coming:  # objects of instanced collections are shown here too, whatever scene keeps them
@@ -74,34 +80,34 @@ def foreign_lights(scene) -> list[str]:
             for other in thing.users_scene[:1]]
 
 
-def _linking(thing) -> str:
+def _linking(thing: bpy.types.Object) -> str:
     """Which objects light linking lets a light shine on."""
     receivers = thing.light_linking.receiver_collection
     return "" if receivers is None else f"{receivers.name_full}|{len(receivers.all_objects)}"
 
 
-def _world(world) -> str:
+def _world(world: bpy.types.World) -> str:
     """All of a world's nodes that is not animated, and how Cycles samples it."""
     digest = hashlib.sha256(f"{world.cycles.sampling_method}|{world.cycles_visibility.glossy}".encode())
-    _add_tree(digest, world, world.node_tree, set())
+    _add_tree(digest.update, world.node_tree, set())
     return digest.hexdigest()[:16]
 
 
-def _add_tree(digest, owner, tree, seen: set):
+def _add_tree(add: Callable[[bytes], None], tree: bpy.types.NodeTree | None, seen: set[bpy.types.NodeTree]) -> None:
     if tree is None or tree in seen:
         return
     seen.add(tree)
     for link in tree.links:
-        digest.update(f"{link.from_node.name}|{link.from_socket.identifier}|{link.to_node.name}|"
-                      f"{link.to_socket.identifier}|{link.is_muted}".encode())
+        add(f"{link.from_node.name}|{link.from_socket.identifier}|{link.to_node.name}|"
+            f"{link.to_socket.identifier}|{link.is_muted}".encode())
     for node in tree.nodes:
-        digest.update(f"{node.bl_idname}|{node.name}|{_node_values(node)}".encode())
+        add(f"{node.bl_idname}|{node.name}|{_node_values(node)}".encode())
         if getattr(node, "image", None) is not None:
-            digest.update(image_state(node.image).encode())
-        _add_tree(digest, owner, getattr(node, "node_tree", None), seen)
+            add(image_state(node.image).encode())
+        _add_tree(add, getattr(node, "node_tree", None), seen)
 
 
-def _node_values(node) -> list:
+def _node_values(node: bpy.types.Node) -> list[tuple[str, Any]]:
     """Settings and values of a node that neither keys nor drivers move."""
     tree = node.id_data
     values = []
@@ -118,7 +124,7 @@ def _node_values(node) -> list:
     return values
 
 
-def _plain(value):
+def _plain(value: Any) -> float | str | list[Any]:
     """A setting or value as what is the same in every process; numbers to six digits."""
     if isinstance(value, float):
         return round(value, 6)

@@ -7,25 +7,31 @@ each. A set holds lights for each scene, so that a material in several scenes fi
 
 from __future__ import annotations
 
+from collections.abc import Container, Iterable, Iterator
+
 import bpy
 
-from ..choice.material_lights import material_choices, material_families
+from ..choice.material_lights import Family, material_choices, material_families
+from ..choice.ranking import Choice
 from ..errors import GlintError
 from ..lights.drivers import connect_hints
+from ..lights.hint import Hint
 from ..lights.hints import rendered_layers, scene_candidates
 from ..lights.receivers import copied_places
-from ..lights.shutter import shutter_ways
+from ..lights.shutter import Way, shutter_ways
 from ..materials.find import glint_groups
 from ..materials.worn import worn_materials
 from ..nodes import glint_lights
 from ..nodes.glint_bsdf import LIGHTS_NODE, group_binding, is_glint_group, lights_of
+from ..nodes.map_binding import MapBinding
 from ..nodes.map_tables import MapTables
 from ..nodes.scene_lights import copy_set, drop_other_sets, has_set
 from ..properties import HOLDER
 from .report import Report
+from .uses import Uses
 
 
-def connect_lights(scene, uses, report: Report) -> dict:
+def connect_lights(scene: bpy.types.Scene, uses: Uses, report: Report) -> dict[bpy.types.Material, Choice]:
     """Choose the lights of each material, and let its nodes read them; a second call changes nothing.
 
     uses: {Glint BSDF group: [(object, material), ...]} of `scene`, those of other files too if they read sets.
@@ -48,14 +54,14 @@ def connect_lights(scene, uses, report: Report) -> dict:
     return chosen
 
 
-def _connect(scene, families, choices, ways):
+def _connect(scene: bpy.types.Scene, families: list[Family], choices: list[Choice], ways: dict[Hint, Way]) -> None:
     """Let each family's nodes read a set with its lights, which move by their `ways`."""
     numbers = _set_numbers(scene, families, choices)
     lights = {number: glint_lights.build_set(number) for number in sorted(set(numbers))}
     foreign = _foreign_groups(scene, families)
 
     # Groups that must stay keep their place; all others are dealt out anew, by name.
-    taken = {}
+    taken: dict[bpy.types.ShaderNodeTree, bpy.types.ShaderNodeTree] = {}
     for family, number in zip(families, numbers, strict=True):
         if not family.nodes:
             taken.update(dict.fromkeys((group for group in family.groups if group.library is None), lights[number]))
@@ -82,10 +88,11 @@ def _connect(scene, families, choices, ways):
                            if group.users == 0 and group.name != glint_lights.NAME])
 
 
-def _set_numbers(scene, families, choices) -> list[int]:
+def _set_numbers(scene: bpy.types.Scene, families: list[Family], choices: list[Choice]) -> list[int]:
     """The number of the set for each family: the same for the same lights, unless another scene tells them apart."""
     others = [each for each in bpy.data.scenes if each != scene and each.library is None]
-    numbers, lights = [], {number: None for family in families for number in family.sets}
+    numbers: list[int] = []
+    lights: dict[int, frozenset[Hint] | None] = {number: None for family in families for number in family.sets}
     for family, choice in zip(families, choices, strict=True):
         if family.sets:
             numbers.append(min(family.sets))
@@ -102,7 +109,7 @@ def _set_numbers(scene, families, choices) -> list[int]:
     return numbers
 
 
-def _sets_elsewhere(family, others) -> dict:
+def _sets_elsewhere(family: Family, others: list[bpy.types.Scene]) -> dict[bpy.types.Scene, int]:
     """{scene: number of the set} of the other scenes in which the family's materials have lights."""
     read = [glint_lights.set_of(lights) for lights in map(lights_of, family.groups) if lights is not None]
     found = {}
@@ -113,7 +120,7 @@ def _sets_elsewhere(family, others) -> dict:
     return found
 
 
-def _free_number(taken, elsewhere, others) -> int:
+def _free_number(taken: Container[int], elsewhere: dict[bpy.types.Scene, int], others: list[bpy.types.Scene]) -> int:
     """A number that no family has: the one that other scenes read already, else one that means nothing to them."""
     kept = [number for number in elsewhere.values() if number not in taken]
     if kept:
@@ -124,7 +131,12 @@ def _free_number(taken, elsewhere, others) -> int:
     return number
 
 
-def _instance(group, lights, taken, foreign):
+def _instance(
+    group: bpy.types.ShaderNodeTree,
+    lights: bpy.types.ShaderNodeTree,
+    taken: dict[bpy.types.ShaderNodeTree, bpy.types.ShaderNodeTree],
+    foreign: set[bpy.types.ShaderNodeTree],
+) -> bpy.types.ShaderNodeTree:
     """The Glint BSDF group that reads the tables of `group` and the lights `lights`: one that is free, or a copy."""
     same = sorted((each for each in bpy.data.node_groups if is_glint_group(each) and each.library is None
                    and _reads(each) == _reads(group)), key=lambda each: each.name)
@@ -135,7 +147,7 @@ def _instance(group, lights, taken, foreign):
     return instance
 
 
-def _reads(group):
+def _reads(group: bpy.types.ShaderNodeTree) -> tuple[MapBinding | bpy.types.ShaderNodeTree, MapTables]:
     """How a group reads which map, and its tables: one that was not prepared has others."""
     try:
         binding = group_binding(group)
@@ -144,14 +156,14 @@ def _reads(group):
     return binding, MapTables.of(group)
 
 
-def _foreign_groups(scene, families) -> set:
+def _foreign_groups(scene: bpy.types.Scene, families: list[Family]) -> set[bpy.types.ShaderNodeTree]:
     """Glint BSDF groups in materials that only other scenes have; those go on reading the sets that they read."""
     own = {material for family in families for material in family.materials}
     others = [each for each in bpy.data.scenes if each != scene]
     return {group for other in others for material in _materials(other) - own for group in glint_groups(material)}
 
 
-def _materials(scene) -> set:
+def _materials(scene: bpy.types.Scene) -> set[bpy.types.Material]:
     """All that a scene shows, in its collection instances too; only of a prepared scene does the answer matter."""
     layers = [layer for layer in scene.view_layers if layer.use]
     for layer in layers:
@@ -161,7 +173,7 @@ def _materials(scene) -> set:
     return {material for thing in _shown(scene.objects, set()) for material in worn_materials(thing, layers)}
 
 
-def _shown(objects, seen: set):
+def _shown(objects: Iterable[bpy.types.Object], seen: set[bpy.types.Collection]) -> Iterator[bpy.types.Object]:
     for thing in objects:
         yield thing
         collection = thing.instance_collection

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+import bpy
 import numpy as np
 
 from .. import paths
@@ -15,7 +18,7 @@ from ..bake.slope_index import bake_index
 from ..bake.table import bake_table
 from ..images import image_pixels
 from ..nodes.map_tables import NO_COUNTS, CountsTable, MapTables
-from .jobs import Job
+from .jobs import Job, Steps
 from .map_plans import MapPlan
 from .report import Report
 from .stored_tables import damaged_tables
@@ -29,14 +32,14 @@ class DecodedMap:
     """The map that was decoded last: the next plan may read the same one in another way. Never two at a time, because a
     large one takes gigabytes."""
 
-    key: tuple = ()
+    key: tuple[bpy.types.Image, str] | None = None
     normals: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 3), np.float32))
 
     def of(self, plan: MapPlan, report: Report) -> np.ndarray:
         """The normals of a plan's map; counts the image in `report` if it is read. Raises MapError."""
         key = plan.image_read, plan.binding.convention
         if key != self.key:
-            self.key, self.normals = (), np.empty((0, 0, 3), np.float32)
+            self.key, self.normals = None, np.empty((0, 0, 3), np.float32)
             report.counts.images_read += 1
             self.normals = decoded_normals(
                 image_pixels(plan.image_read), convention=plan.binding.convention, name=plan.image.name)
@@ -44,7 +47,9 @@ class DecodedMap:
         return self.normals
 
 
-def bake_plan(plan: MapPlan, folder: Path, report: Report, decoded: DecodedMap, start: float, end: float):
+def bake_plan(
+    plan: MapPlan, folder: Path, report: Report, decoded: DecodedMap, start: float, end: float
+) -> Steps[MapTables]:
     """Bake what is missing of a map: a generator of jobs, to be sent what each returns; it returns the map's tables.
 
     start, end: part of the whole work, 0..1. Adds to `report`. Raises MapError.
@@ -61,17 +66,19 @@ def bake_plan(plan: MapPlan, folder: Path, report: Report, decoded: DecodedMap, 
     return (yield from _baked(plan, decoded.of(plan, report), folder, report, start, end))
 
 
-def _baked(plan, normals, folder, report, start, end):
+def _baked(
+    plan: MapPlan, normals: np.ndarray, folder: Path, report: Report, start: float, end: float
+) -> Steps[MapTables]:
     """`bake_plan` of a map whose normals are known."""
     shares = TABLE_SHARE, INDEX_SHARE * plan.has_index, COUNTS_SHARE * (plan.levels is not None)
     ends = [start + (end - start) * sum(shares[: part + 1]) / sum(shares) for part in range(len(shares))]
     name, interpolation = plan.image.name, plan.interpolation
 
-    def note(path, was_baked):
+    def note(path: Path, was_baked: bool) -> str:
         report.add_table(path, was_baked=was_baked, groups=len(plan.groups))
         return paths.stored_path(path)
 
-    job = partial(bake_table, normals, folder, interpolation=interpolation)
+    job: Callable[..., Any] = partial(bake_table, normals, folder, interpolation=interpolation)
     path = note(*(yield Job(f'Baking "{name}"', start, ends[0], job)))
     index, counts = "", NO_COUNTS
     if plan.has_index:
@@ -85,5 +92,6 @@ def _baked(plan, normals, folder, report, start, end):
     return MapTables(path, (normals.shape[1], normals.shape[0]), _floats(low), _floats(high), counts, index)
 
 
-def _floats(bound) -> tuple[float, float]:
-    return tuple(float(value) for value in bound)
+def _floats(bound: np.ndarray) -> tuple[float, float]:
+    low, high = bound
+    return float(low), float(high)

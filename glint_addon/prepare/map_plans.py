@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import bpy
+
 from ..bake.counts import file_size
 from ..bake.slope_index import index_shape
 from ..bake.table import padded_size
 from ..images import ImageStates, image_pixels, image_shape, image_stamp
 from ..nodes import glint_bsdf
 from ..nodes.glint_bsdf import group_binding
-from ..nodes.map_binding import image_read
-from ..nodes.map_tables import NO_COUNTS, MapTables
+from ..nodes.map_tables import NO_COUNTS, CountsTable, MapTables
 from ..seen.footprints import counts_levels_reached, footprint_range, index_is_reached
 from .stored_tables import is_missing, stored_tables
+from .uses import Uses, image_of_pixels
 
 TEXEL_BYTES = 16  # four 32-bit floats, in memory and in the file
 
@@ -28,7 +30,7 @@ class MapPlan:
     index; has_table: whether it gets tables at all.
     """
 
-    groups: list
+    groups: list[bpy.types.ShaderNodeTree]
     binding: glint_bsdf.MapBinding
     size: tuple[int, int]
     state: str
@@ -38,14 +40,14 @@ class MapPlan:
     has_table: bool = True
 
     @property
-    def image(self):
+    def image(self) -> bpy.types.Image:
         """The map, the user's own image."""
         return self.binding.image
 
     @property
-    def image_read(self):
+    def image_read(self) -> bpy.types.Image:
         """The image whose pixels are the map's values: the map, or a copy of it."""
-        return image_read(self.groups[0])
+        return image_of_pixels(self.groups[0])
 
     @property
     def interpolation(self) -> str:
@@ -86,7 +88,7 @@ class MapPlan:
 
 
 def map_plans(
-    scene, uses, folder: Path, states: ImageStates, *, mirrored: bool, keep_levels: bool
+    scene: bpy.types.Scene, uses: Uses, folder: Path, states: ImageStates, *, mirrored: bool, keep_levels: bool
 ) -> list[MapPlan]:
     """One plan for each map and way to read it. uses: {group: [(object, material), ...]} of the groups to prepare.
 
@@ -95,7 +97,7 @@ def map_plans(
     whose file has changed, and makes copies follow images that were painted. Raises MapError for an image without
     pixels, or a way of reading it that glints cannot follow, SceneError for a group that lost a node.
     """
-    sharing = {}
+    sharing: dict[tuple[bpy.types.Image, str], dict[str, list[bpy.types.ShaderNodeTree]]] = {}
     for group in uses:
         glint_bsdf.follow_map(group, states)
         binding = group_binding(group)
@@ -112,7 +114,7 @@ def map_plans(
     return plans
 
 
-def named_levels(plans) -> dict[str, list[int] | None]:
+def named_levels(plans: list[MapPlan]) -> dict[str, list[int] | None]:
     """Block sides [first, last] of the counts of each map, by its image's name; by how it is read too, if need be."""
     names = [plan.image.name for plan in plans]
     return {
@@ -122,12 +124,12 @@ def named_levels(plans) -> dict[str, list[int] | None]:
     }
 
 
-def _plan(groups, folder, states) -> MapPlan:
-    image, binding = image_read(groups[0]), group_binding(groups[0])
+def _plan(groups: list[bpy.types.ShaderNodeTree], folder: Path, states: ImageStates) -> MapPlan:
+    image, binding = image_of_pixels(groups[0]), group_binding(groups[0])
     state = states[image]
     found = (stored_tables(group, state, folder) for group in groups)
     stored = next((tables for tables in found if tables is not None), None)
-    if stored is not None:
+    if stored is not None and stored.size is not None:
         return MapPlan(groups, binding, stored.size, state, stored)
     if image_stamp(image) and not any(state == MapTables.of(group).source for group in groups):
         image.reload()  # Blender may still hold the pixels of an older file
@@ -137,9 +139,9 @@ def _plan(groups, folder, states) -> MapPlan:
     return MapPlan(groups, binding, (width, height), state, None)
 
 
-def _with_stored(levels, counts, keep_levels):
+def _with_stored(levels: tuple[int, int] | None, counts: CountsTable, keep_levels: bool) -> tuple[int, int] | None:
     """The levels to use where `levels` are needed and `counts` are stored: a wider file that is there is as good."""
-    if not counts.path or levels is None and not keep_levels:
+    if not counts.path or counts.levels is None or levels is None and not keep_levels:
         return levels
     first, last = counts.levels
     if levels is None:

@@ -2,40 +2,44 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 
 from ..bake.float_image import is_whole
 from ..errors import GlintError
-from ..images import file_digest
+from ..images import ImageStates, file_digest
 from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH, group_binding
-from ..nodes.map_binding import map_of
 from ..nodes.script_node import osl_available
 from .stored_tables import remembered_tables
+from .uses import Uses, shown_map
 
 VALUES = (ROUGHNESS.name, STRENGTH.name)  # sockets that say which lights facets can mirror
 BINDING_WORDS = ("Interpolation", "Convention", "Distribution", "UV map", "Extension")
 
 
-def material_facts(uses, states) -> dict[str, list]:
+def material_facts(uses: Uses, states: ImageStates) -> dict[str, list[list[str]]]:
     """Of each material its groups: [name of the map, its state, how it is read..., roughness and strength]; where it
     cannot be read, the first word of five says why, and the others are empty."""
-    found = {}
+    found: dict[str, list[list[str]]] = {}
     for group, pairs in uses.items():
         for material in dict.fromkeys(material for _, material in pairs):
             found.setdefault(material.name_full, []).append(_group(group, states) + [_values(material, group)])
     return {name: sorted(groups) for name, groups in found.items()}
 
 
-def object_facts(uses) -> dict[str, list[str]]:
+def object_facts(uses: Uses) -> dict[str, list[str]]:
     """Of each object that shows glints the names of its materials that do."""
-    objects = {}
+    objects: dict[str, set[str]] = {}
     for pairs in uses.values():
         for thing, material in pairs:
             objects.setdefault(thing.name_full, set()).add(material.name_full)
     return {name: sorted(materials) for name, materials in objects.items()}
 
 
-def changed_materials(before, now, digests) -> list[str]:
+def changed_materials(
+    before: dict[str, list[list[str]]], now: dict[str, list[list[str]]], digests: dict[str, str]
+) -> list[str]:
     """Sentences on materials. digests: {map: `file_digest`} of the maps before, which tell copies of a file."""
     sentences = [f'Material "{name}" shows glints now.' for name in now if name not in before]
     for name in sorted(now.keys() & before.keys()):
@@ -47,20 +51,20 @@ def changed_materials(before, now, digests) -> list[str]:
     return sorted(dict.fromkeys(sentences))
 
 
-def changed_objects(before, now) -> list[str]:
+def changed_objects(before: dict[str, list[str]], now: dict[str, list[str]]) -> list[str]:
     """Objects whose footprints and lights nobody has judged; what no longer shows glints does no harm."""
     return sorted(f'Object "{name}" shows glints now.' for name in now
                   if name not in before or set(now[name]) - set(before[name]))
 
 
-def lost_tables(uses) -> list[str]:
+def lost_tables(uses: Uses) -> list[str]:
     """Tables that are not there, or not as they were written: of linked groups too, which cannot be prepared here."""
     if not osl_available():
         return []
     sentences = []
     for group in sorted(uses, key=lambda group: group.name_full):
         tables = remembered_tables(group)
-        name = map_of(group).name
+        name = shown_map(group).name
         if not all(table.is_file() for table in tables):
             sentences.append(f'Tables of the map "{name}" are gone from {_folder(tables)}.')
         elif not all(map(is_whole, tables)):
@@ -68,8 +72,8 @@ def lost_tables(uses) -> list[str]:
     return list(dict.fromkeys(sentences))
 
 
-def _group(group, states) -> list[str]:
-    image = map_of(group)
+def _group(group: bpy.types.ShaderNodeTree, states: ImageStates) -> list[str]:
+    image = shown_map(group)
     try:
         binding = group_binding(group)
     except GlintError as error:
@@ -78,11 +82,11 @@ def _group(group, states) -> list[str]:
             binding.uv_map, binding.extension]
 
 
-def _changed_pixels(name, state) -> str:
+def _changed_pixels(name: str, state: str) -> str:
     return f'The pixels of the map "{name}" changed.' if state else f'The file of the map "{name}" is gone.'
 
 
-def _values(material, group) -> str:
+def _values(material: bpy.types.Material, group: bpy.types.ShaderNodeTree) -> str:
     """Values that say which lights facets can mirror, to two digits, of the nodes that the material itself holds."""
     nodes = [node for node in material.node_tree.nodes if getattr(node, "node_tree", None) == group]
     if material.node_tree.animation_data is not None:
@@ -91,7 +95,7 @@ def _values(material, group) -> str:
     return " ".join("" if socket.is_linked else f"{socket.default_value:.2g}" for socket in sockets)
 
 
-def _changed_group(name, now, before, digests) -> list[str]:
+def _changed_group(name: str, now: list[str], before: list[str], digests: dict[str, str]) -> list[str]:
     image, state, *reading, values = now
     old_image, old_state, *old_reading, old_values = before
     if image != old_image:
@@ -113,5 +117,5 @@ def _digest_now(image: str) -> str:
     return next((file_digest(each) for each in bpy.data.images if each.name_full == image), "")
 
 
-def _folder(tables) -> str:
+def _folder(tables: list[Path]) -> str:
     return next(str(table.parent) for table in tables if not table.is_file())

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..choice.ranking import Choice
 
 
 @dataclass
@@ -36,12 +42,14 @@ class Report:
     notes: list[str] = field(default_factory=list)
     counts: ReportCounts = field(default_factory=ReportCounts)
 
-    def add_table(self, path: Path, *, was_baked: bool, groups: int):
+    def add_table(self, path: Path, *, was_baked: bool, groups: int) -> None:
         """Add a table that so many groups read: baked once, if it was, and reused by the other groups."""
         self.baked += [str(path)] * was_baked
         self.reused += [str(path)] * (groups - was_baked)
 
-    def add_lights(self, hints, skipped, choices):
+    def add_lights(
+        self, hints: Iterable[str], skipped: Iterable[tuple[str, str]], choices: dict[bpy.types.Material, Choice]
+    ) -> None:
         """Add the lights that any material looks for, and of the others why none does.
 
         hints: names; skipped: (name, reason); choices: {material: its `choice.ranking.Choice`}.
@@ -52,7 +60,7 @@ class Report:
             self.hints_by_material[material.name] = [hint.name for hint in choice.hints]
             self.left_by_material[material.name] = [list(pair) for pair in choice.left]
 
-    def count_tables(self):
+    def count_tables(self) -> None:
         """Count the tables that were added; their files must be there."""
         baked, used = ({Path(path) for path in names} for names in (self.baked, self.baked + self.reused))
         counts = self.counts
@@ -65,6 +73,6 @@ class Report:
         hinted = {name for name, lights in self.hints_by_material.items() if lights}
         return not hinted <= set(self.unseen)
 
-    def as_dict(self) -> dict:
+    def as_dict(self) -> dict[str, Any]:
         """The same as plain data, for scripts."""
         return asdict(self)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import bpy
 
 from .. import paths
+from ..choice.ranking import Choice
 from ..errors import SceneError
 from ..images import ImageStates
 from ..materials.find import glint_groups, glint_lobes
@@ -16,19 +19,25 @@ from ..nodes.map_tables import MapTables
 from ..nodes.script_node import osl_available
 from ..seen.visibility import unseen_objects
 from .changes import remember_preparation
-from .jobs import Job, finished
+from .jobs import Job, Steps, finished
 from .light_sets import connect_lights
 from .map_bake import DecodedMap, bake_plan
-from .map_plans import map_plans, named_levels
+from .map_plans import MapPlan, map_plans, named_levels
 from .report import Report
 from .scene_warnings import device, reads_scene, scene_warnings
 from .shading_system import choose_shading_system, is_on
 from .table_budget import DEFAULT_BUDGET, fit_budget
 from .table_files import keep_tables
-from .uses import glint_uses, regrouped
+from .uses import Uses, glint_uses, regrouped
 
 
-def prepare_scene(scene, progress=None, *, bake_unseen=None, table_budget=None) -> dict:
+def prepare_scene(
+    scene: bpy.types.Scene,
+    progress: Callable[[float, str], None] | None = None,
+    *,
+    bake_unseen: bool | None = None,
+    table_budget: float | None = None,
+) -> dict[str, Any]:
     """Prepare every glint material of `scene` for rendering; safe to call again, then nothing is baked twice.
 
     progress(fraction 0..1, text) is called often while tables are baked; what it raises, `CancelledError` for one, ends
@@ -48,7 +57,9 @@ def prepare_scene(scene, progress=None, *, bake_unseen=None, table_budget=None) 
     return finished(preparation(scene, bake_unseen=bake_unseen, table_budget=table_budget), progress).as_dict()
 
 
-def preparation(scene, *, bake_unseen=None, table_budget=None):
+def preparation(
+    scene: bpy.types.Scene, *, bake_unseen: bool | None = None, table_budget: float | None = None
+) -> Steps[Report]:
     """`prepare_scene` in steps: a generator of `Job`s, to be sent what each returns; it returns the `Report`.
 
     Closing it early, or an exception, leaves scene and disk as they were.
@@ -65,7 +76,8 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
     with_unseen = _setting(scene, "bake_unseen", bake_unseen, False)
     budget = _setting(scene, "table_budget", table_budget, DEFAULT_BUDGET)
     uses, report.unseen = _uses_in_view(scene, found, with_unseen)
-    states, baked = ImageStates(), []
+    states = ImageStates()
+    baked: list[tuple[MapPlan, MapTables]] = []
     if osl_available():
         baked = yield from _baked(scene, uses, report, states, budget, mirrored=with_unseen)
 
@@ -81,7 +93,7 @@ def preparation(scene, *, bake_unseen=None, table_budget=None):
     return report
 
 
-def _uses_in_view(scene, found, with_unseen) -> tuple[dict, list[str]]:
+def _uses_in_view(scene: bpy.types.Scene, found: Uses, with_unseen: bool) -> tuple[Uses, list[str]]:
     """Of the uses `found` those of the groups to prepare, by name, and the names of the materials that are left out.
 
     Left out is what nobody sees; a table that is there already stays in use and up to date.
@@ -94,7 +106,9 @@ def _uses_in_view(scene, found, with_unseen) -> tuple[dict, list[str]]:
     return {group: pairs for group, pairs in uses.items() if group not in left_out}, sorted(names)
 
 
-def _baked(scene, uses, report, states, budget, *, mirrored):
+def _baked(
+    scene: bpy.types.Scene, uses: Uses, report: Report, states: ImageStates, budget: float, *, mirrored: bool
+) -> Steps[list[tuple[MapPlan, MapTables]]]:
     """Bake all that is missing: a generator of jobs, which returns pairs of each plan and its tables."""
     folder = paths.table_folder(bpy.data.filepath)
     tables, decoded = [], DecodedMap()
@@ -111,12 +125,12 @@ def _baked(scene, uses, report, states, budget, *, mirrored):
     return list(zip(plans, tables, strict=True))
 
 
-def _other_files_look(found, lit) -> bool:
+def _other_files_look(found: Uses, lit: Uses) -> bool:
     """Whether groups of other files look for the lights of those files, which cannot be changed here."""
     return any(group.library is not None and group not in lit and MapTables.of(group).path for group in found)
 
 
-def _check(scene):
+def _check(scene: bpy.types.Scene) -> None:
     """Raise SceneError for a scene that cannot be prepared."""
     if not hasattr(scene, "cycles"):
         raise SceneError("Cycles is switched off: switch it on in Preferences > Add-ons and try again.")
@@ -124,7 +138,7 @@ def _check(scene):
         raise SceneError(f'Scene "{scene.name}" is linked from {scene.library.filepath}: prepare it in that file.')
 
 
-def _use_tables(baked):
+def _use_tables(baked: list[tuple[MapPlan, MapTables]]) -> None:
     """Let the groups of each plan read its tables; baked: pairs of both."""
     for plan, tables in baked:
         for group in plan.groups:
@@ -132,10 +146,11 @@ def _use_tables(baked):
             tables.from_source(plan.state).write_to(group)
 
 
-def _bound_work(choices):
+def _bound_work(choices: dict[bpy.types.Material, Choice]) -> None:
     """Tell each group what bounds a sample's work: elements of the map that it visits at most, and closures, of which
     Cycles keeps 64 a shading point for all lobes that a material sums. choices: {material: its `Choice`}."""
-    lobes, most = {}, {}
+    lobes: dict[bpy.types.ShaderNodeTree, int] = {}
+    most: dict[bpy.types.ShaderNodeTree, int] = {}
     for material, choice in choices.items():
         for group in glint_groups(material):
             lobes[group] = max(lobes.get(group, 1), glint_lobes(material))
@@ -146,19 +161,19 @@ def _bound_work(choices):
             glint_bsdf.limit_visits(group, most[group])
 
 
-def _setting(scene, name: str, wanted, otherwise):
+def _setting[Value](scene: bpy.types.Scene, name: str, wanted: Value | None, otherwise: Value) -> Value:
     """The choice of the caller, else of the scene, which has one while the extension is registered."""
     return getattr(getattr(scene, "glint", None), name, otherwise) if wanted is None else wanted
 
 
-def _unseen_groups(scene, uses) -> set:
+def _unseen_groups(scene: bpy.types.Scene, uses: Uses) -> set[bpy.types.ShaderNodeTree]:
     """The groups that only objects outside every camera's view use."""
     unseen = unseen_objects(scene, {thing for pairs in uses.values() for thing, _ in pairs})
     return {group for group, pairs in uses.items() if all(thing in unseen for thing, _ in pairs)}
 
 
 @contextmanager
-def _baked_whole_or_not_at_all(folder: Path, baked: list[str]):
+def _baked_whole_or_not_at_all(folder: Path, baked: list[str]) -> Iterator[None]:
     """Within this block tables are written to `folder`; those in `baked` are taken back if anything ends it early."""
     is_new = not folder.exists()
     try:

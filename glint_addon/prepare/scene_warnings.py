@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
+import bpy
+
 from ..nodes.glint_bsdf import lights_of
 from ..nodes.glint_lights import set_of
-from ..nodes.map_binding import map_of
 from ..nodes.map_tables import MapTables
 from ..nodes.script_node import osl_available
 from .shading_system import NO_OSL, ON_GPU
 from .stored_tables import is_missing
-from .uses import unknown_materials
+from .uses import Uses, shown_map, unknown_materials
 
 
-def scene_warnings(scene, uses) -> list[str]:
+def scene_warnings(scene: bpy.types.Scene, uses: Uses) -> list[str]:
     """Sentences on settings, maps and materials. uses: {group: [(object, material), ...]} of all groups shown."""
     return _setting_warnings(scene) + _missing_maps(uses) + _hidden_warnings(scene) + _linked_warnings(uses)
 
 
-def device(scene) -> str:
+def device(scene: bpy.types.Scene) -> str:
     """What Cycles renders `scene` on, "CPU" or "GPU"."""
     return scene.cycles.device if hasattr(scene, "cycles") else "CPU"
 
 
-def reads_scene(group) -> bool:
+def reads_scene(group: bpy.types.ShaderNodeTree) -> bool:
     """Whether a Glint BSDF group of another file reads the lights of the scene being rendered."""
     lights = lights_of(group)
     return lights is not None and set_of(lights) > 0
 
 
-def _setting_warnings(scene) -> list[str]:
+def _setting_warnings(scene: bpy.types.Scene) -> list[str]:
     warnings = []
     if not osl_available():
         warnings.append(NO_OSL)
@@ -43,26 +44,26 @@ def _setting_warnings(scene) -> list[str]:
     return warnings
 
 
-def _missing_maps(uses) -> list[str]:
+def _missing_maps(uses: Uses) -> list[str]:
     """Sentences on maps that are not to be had, one for each group that reads them, by the groups' names."""
     lost = [group for group in uses if group.library is None and is_missing(group)]
-    return [f'The normal map "{map_of(group).name}" is missing: find it with File > External Data.'
+    return [f'The normal map "{shown_map(group).name}" is missing: find it with File > External Data.'
             for group in sorted(lost, key=lambda group: group.name_full)]
 
 
-def _hidden_warnings(scene) -> list[str]:
+def _hidden_warnings(scene: bpy.types.Scene) -> list[str]:
     """Sentences on objects whose materials cannot be found."""
     return [f'The materials that geometry nodes give to "{name}" are unknown while it, or its modifier, is hidden in '
             "the viewport: show it there and prepare again." for name in unknown_materials(scene)]
 
 
-def _linked_warnings(uses) -> list[str]:
+def _linked_warnings(uses: Uses) -> list[str]:
     """Sentences on glints of other files, which cannot be prepared here; one for each material."""
     return sorted({_linked_words(material.name, group) for group, pairs in uses.items() if group.library is not None
                    and not (MapTables.of(group).path and reads_scene(group)) for _, material in pairs})
 
 
-def _linked_words(name, group) -> str:
+def _linked_words(name: str, group: bpy.types.ShaderNodeTree) -> str:
     linked = f'The glints of "{name}" are linked from {group.library.filepath}'
     local = "make them local with Object > Relations > Make Local > All"
     if not reads_scene(group):

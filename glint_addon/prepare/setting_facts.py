@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import bpy
+
 from ..lights.hints import rendered_layers
 
 # Footprints have a margin for so much more or less resolution (`footprints.MARGIN`).
 LARGEST_ZOOM = 2.0
 
 
-def setting_facts(scene) -> dict:
+def setting_facts(scene: bpy.types.Scene) -> dict[str, str | int]:
     """What a preparation takes from the scene's settings, by the words for it."""
     render, cycles, layers = scene.render, scene.cycles, rendered_layers(scene, update=False)
     limits = "no limit"
@@ -32,7 +34,7 @@ def setting_facts(scene) -> dict:
     }
 
 
-def changed_settings(before, now) -> list[str]:
+def changed_settings(before: dict[str, str | int], now: dict[str, str | int]) -> list[str]:
     """Sentences on settings; a picture little larger or smaller needs nothing."""
     sentences = []
     for name, new in now.items():
@@ -46,5 +48,5 @@ def changed_settings(before, now) -> list[str]:
     return sentences
 
 
-def _pixels(render) -> int:
+def _pixels(render: bpy.types.RenderSettings) -> int:
     return render.resolution_x * render.resolution_y * render.resolution_percentage**2 // 10000

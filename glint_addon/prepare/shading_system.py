@@ -18,12 +18,12 @@ LEFT_OFF = f"{NO_LIGHT}: Open Shading Language is off, and Blender's own nodes r
 LEFT_ON = f"{NO_LIGHT}: switch Open Shading Language off in the Render properties, and the same picture renders faster."
 
 
-def is_on(scene) -> bool:
+def is_on(scene: bpy.types.Scene) -> bool:
     """Whether Cycles renders `scene` through Open Shading Language."""
     return osl_available() and hasattr(scene, "cycles") and bool(scene.cycles.shading_system)
 
 
-def choose_shading_system(scene, *, is_needed: bool) -> str:
+def choose_shading_system(scene: bpy.types.Scene, *, is_needed: bool) -> str:
     """Switch Open Shading Language on where `is_needed`, off again where it is not and only Glint had it on.
 
     Script nodes outside the glints count: Glint's own textures need it, others keep what the user chose. Returns a
@@ -42,7 +42,7 @@ def choose_shading_system(scene, *, is_needed: bool) -> str:
     return LEFT_ON if scene.cycles.shading_system else LEFT_OFF
 
 
-def _switch_on(scene):
+def _switch_on(scene: bpy.types.Scene) -> None:
     if not scene.cycles.shading_system:
         scene.cycles.shading_system = True
         scene[SWITCHED_ON] = True

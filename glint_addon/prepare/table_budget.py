@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
+
+from .map_plans import MapPlan
+
 MIB = 2**20
 DEFAULT_BUDGET = 2048  # MiB: four maps of 4096^2 with all counts
 
 
-def fit_budget(plans, budget: float) -> list[str]:
+def fit_budget(plans: Collection[MapPlan], budget: float) -> list[str]:
     """Change the `MapPlan`s so that all tables together take at most `budget` MiB of memory; sentences that say so.
 
     A map without table renders through Blender's own nodes, right and noisy; without its finest counts it renders right
@@ -42,12 +46,12 @@ def fit_budget(plans, budget: float) -> list[str]:
     return warnings
 
 
-def _bytes(plans) -> int:
+def _bytes(plans: Iterable[MapPlan]) -> int:
     """Memory of all tables of the plans."""
     return sum(plan.table_bytes + plan.counts_bytes + plan.index_bytes for plan in plans)
 
 
-def _names(plans) -> str:
+def _names(plans: Iterable[MapPlan]) -> str:
     """ 'The normal map "a" is' or 'The normal maps "a", "b" are'."""
     names = sorted({f'"{plan.image.name}"' for plan in plans})
     return f"The normal map {names[0]} is" if len(names) == 1 else f"The normal maps {', '.join(names)} are"

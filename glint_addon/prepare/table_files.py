@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from uuid import uuid4
 
@@ -23,20 +24,20 @@ from ..nodes import map_tables, mip_levels
 from ..nodes.glint_bsdf import is_glint_group
 
 
-def keep_tables():
+def keep_tables() -> None:
     """Let all groups find their tables, and have these beside the open file if it is saved."""
     find_tables()
     if bpy.data.filepath:
         bring_tables(groups_with_tables(), paths.table_folder(bpy.data.filepath))
 
 
-def bring_tables(groups, folder: Path) -> list[Path]:
+def bring_tables(groups: Iterable[bpy.types.NodeTree], folder: Path) -> list[Path]:
     """Have the tables of the node groups in `folder`, "glint_tables" beside a .blend file, and let the groups name them
     there.
 
     A table that cannot be brought is named where it is. Returns what was made on disk, for `take_back`.
     """
-    made = []
+    made: list[Path] = []
     for group in groups:
         change_paths(group, lambda stored: _brought(stored, folder, made))
     if made == [folder]:
@@ -45,7 +46,7 @@ def bring_tables(groups, folder: Path) -> list[Path]:
     return made
 
 
-def take_back(made: list[Path]):
+def take_back(made: list[Path]) -> None:
     """Remove what `bring_tables` made; a folder only if nothing else is in it."""
     for path in reversed(made):
         if not path.is_dir():
@@ -54,7 +55,7 @@ def take_back(made: list[Path]):
             path.rmdir()
 
 
-def find_tables(elsewhere=()):
+def find_tables(elsewhere: Iterable[Path] = ()) -> None:
     """Let node groups whose tables are gone name them beside the open file, or where else they are.
 
     Looked at are the file that the open one is a link to, those that groups are linked from, or were before they were
@@ -65,19 +66,24 @@ def find_tables(elsewhere=()):
         change_paths(group, lambda stored: _found(stored, folders))
 
 
-def groups_with_tables() -> list:
+def groups_with_tables() -> list[bpy.types.NodeTree]:
     """Node groups that name tables, linked ones too."""
     return [group for group in bpy.data.node_groups if table_paths(group)]
 
 
-def table_paths(group) -> list[str]:
+def table_paths(group: bpy.types.NodeTree) -> list[str]:
     """The paths that a node group names, in the order in which `change_paths` meets them."""
     found = []
-    change_paths(group, lambda stored: found.append(stored) or stored)
+
+    def note(stored: str) -> str:
+        found.append(stored)
+        return stored
+
+    change_paths(group, note)
     return found
 
 
-def change_paths(group, change):
+def change_paths(group: bpy.types.NodeTree, change: Callable[[str], str]) -> None:
     """Let change(path) say what stands for each path that a node group names."""
     if is_glint_group(group):
         map_tables.change_paths(group, change)
@@ -91,7 +97,7 @@ def _neighbours() -> list[Path]:
     return [paths.table_folder(file) for file in files]
 
 
-def _brought(stored, folder, made) -> str:
+def _brought(stored: str, folder: Path, made: list[Path]) -> str:
     """The path to name for a table that is to be in `folder`."""
     source, target = paths.disk_path(stored), folder / _name(stored)
     beside = f"//{folder.name}/{target.name}"
@@ -111,7 +117,7 @@ def _brought(stored, folder, made) -> str:
     return beside
 
 
-def _found(stored, folders) -> str:
+def _found(stored: str, folders: Iterable[Path]) -> str:
     """The path to name for a table that may be gone from where it was."""
     if _is_file(paths.disk_path(stored)):
         return stored
@@ -119,17 +125,17 @@ def _found(stored, folders) -> str:
     return paths.stored_path(there[0]) if there else stored
 
 
-def _name(stored) -> str:
+def _name(stored: str) -> str:
     """Name of a table's file; its path may be of another system."""
     return stored.replace("\\", "/").rpartition("/")[2]
 
 
-def _is_file(path) -> bool:
+def _is_file(path: Path) -> bool:
     """Whether a file is there and may be seen."""
     return os.path.isfile(path)  # noqa: PTH113  (pathlib raises PermissionError for a folder that is shut)
 
 
-def _duplicate(source: Path, target: Path):
+def _duplicate(source: Path, target: Path) -> None:
     """Make `target` the same file as `source`, or a copy that appears whole or not at all."""
     temporary = target.with_name(f".{target.stem}_{uuid4().hex}{target.suffix}")
     try:

@@ -6,6 +6,7 @@ Panels read the results and compute nothing. This module changes no data.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,7 +33,7 @@ _is_marked = True
 _last_look = 0.0
 
 
-def register():
+def register() -> None:
     """Begin to look, if Blender has a window."""
     if bpy.app.background:
         return
@@ -42,7 +43,7 @@ def register():
     bpy.app.timers.register(look, first_interval=INTERVAL, persistent=True)
 
 
-def unregister():
+def unregister() -> None:
     """Look no more."""
     _found.clear()
     if bpy.app.timers.is_registered(look):
@@ -54,33 +55,33 @@ def unregister():
         bpy.app.handlers.load_post.remove(look_soon)
 
 
-def changes(scene) -> list[str]:
+def changes(scene: bpy.types.Scene) -> list[str]:
     """What changed since the scene was prepared, as of the last look."""
     found = _found.get(scene.session_uid)
     return found.changes if found is not None else []
 
 
-def tables(scene) -> dict[Path, str] | None:
+def tables(scene: bpy.types.Scene) -> dict[Path, str] | None:
     """The files of the scene's tables and what is wrong with each, "", "gone" or "damaged", as of the last look; None
     before the first."""
     found = _found.get(scene.session_uid)
     return found.tables if found is not None else None
 
 
-def lost_tables(scene) -> dict[str, str]:
+def lost_tables(scene: bpy.types.Scene) -> dict[str, str]:
     """Names of the files of the scene's tables that are "gone" or "damaged", as of the last look."""
     return {table.name: state for table, state in (tables(scene) or {}).items() if state}
 
 
 @persistent
-def mark(*_):
+def mark(*_: object) -> None:
     """Note that something changed, so that the next look comes soon."""
     global _is_marked
     _is_marked = True
 
 
 @persistent
-def look_soon(*_):
+def look_soon(*_: object) -> None:
     """Look soon at a file that was just opened, however long the look at the file before it took."""
     mark()
     _found.clear()
@@ -101,7 +102,7 @@ def look() -> float:
     return max(INTERVAL, (time.monotonic() - now) / LARGEST_SHARE)
 
 
-def look_at(scene):
+def look_at(scene: bpy.types.Scene) -> None:
     """Look at a scene now, and let panels show the results."""
     from .changes import changes_since_prepared, table_states
 
@@ -115,7 +116,7 @@ def look_at(scene):
                     area.tag_redraw()
 
 
-def _handlers():
+def _handlers() -> list[list[Callable[..., None]]]:
     all_handlers = bpy.app.handlers
     names = ("depsgraph_update_post", "undo_post", "redo_post", "save_post")
     return [getattr(all_handlers, name) for name in names]
