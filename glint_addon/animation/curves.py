@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+import bpy
 from bpy_extras.anim_utils import action_get_channelbag_for_slot
 
 
-def is_animated(owner, path: str, index: int = 0) -> bool:
+def is_animated(owner: bpy.types.ID, path: str, index: int = 0) -> bool:
     """Whether property `path` of data-block `owner` has keys or a driver, or strips (NLA) that may hold keys.
 
     index: which of a vector's numbers.
@@ -16,7 +19,7 @@ def is_animated(owner, path: str, index: int = 0) -> bool:
     return bool(_curve(owner, path, index) or animation.drivers.find(path, index=index) or animation.nla_tracks)
 
 
-def peak_value(owner, path: str, index: int = 0) -> float:
+def peak_value(owner: bpy.types.ID, path: str, index: int = 0) -> float:
     """Largest of the property's keys, its present value if it has none; index: which of a vector's numbers."""
     curve = _curve(owner, path, index)
     if curve and curve.keyframe_points:
@@ -25,7 +28,7 @@ def peak_value(owner, path: str, index: int = 0) -> float:
     return value if isinstance(value, (int, float)) else value[index]
 
 
-def values_over(scene, owner, paths) -> tuple[range, list[tuple[float, ...]]]:
+def values_over(scene: bpy.types.Scene, owner: bpy.types.ID, paths: list[str]) -> tuple[range, list[tuple[float, ...]]]:
     """The frames of `scene`, and the values of the properties `paths` of data-block `owner` at each of them.
 
     Where more than keys moves one, every frame is set, and the present one again.
@@ -41,7 +44,9 @@ def values_over(scene, owner, paths) -> tuple[range, list[tuple[float, ...]]]:
     return frames, _values_at_set_frames(scene, owner, paths, frames)
 
 
-def _values_at_set_frames(scene, owner, paths, frames):
+def _values_at_set_frames(
+    scene: bpy.types.Scene, owner: bpy.types.ID, paths: list[str], frames: Iterable[int]
+) -> list[tuple[float, ...]]:
     frame, subframe, values = scene.frame_current, scene.frame_subframe, []
     try:
         for number in frames:
@@ -52,7 +57,7 @@ def _values_at_set_frames(scene, owner, paths, frames):
     return values
 
 
-def _curve(owner, path, index):
+def _curve(owner: bpy.types.ID, path: str, index: int) -> bpy.types.FCurve | None:
     animation = owner.animation_data
     if animation is None or animation.action is None or animation.action_slot is None:
         return None

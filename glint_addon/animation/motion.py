@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import bpy
+
 # Modifiers that leave a mesh within its box, or very nearly.
 KEEPS_THE_BOX = {"BEVEL", "EDGE_SPLIT", "SUBSURF", "TRIANGULATE", "WEIGHTED_NORMAL"}
 MODIFIERS_THAT_COPY = {"BOOLEAN", "PARTICLE_SYSTEM"}
 NODES_THAT_COPY = {"GeometryNodeCollectionInfo", "GeometryNodeObjectInfo"}
 
 
-def is_fixed(thing, *, shape=True) -> bool:
+def is_fixed(thing: bpy.types.Object, *, shape: bool = True) -> bool:
     """Whether object `thing` stays as it is at every frame, as far as can be told; False in doubt.
 
     shape: whether its shape must stay too, or only its place.
@@ -21,12 +23,12 @@ def is_fixed(thing, *, shape=True) -> bool:
     )
 
 
-def keeps_its_place(thing) -> bool:
+def keeps_its_place(thing: bpy.types.Object) -> bool:
     """Whether nothing but its own animation and its parent moves an object."""
     return not thing.constraints and thing.rigid_body is None
 
 
-def keeps_its_shape(thing) -> bool:
+def keeps_its_shape(thing: bpy.types.Object) -> bool:
     """Whether the data of an object, and its modifiers unless they are animated, stay as they are."""
     shapes = getattr(thing.data, "shape_keys", None)
     return not any(_is_animated(block) for block in (thing.data, shapes)) and all(
@@ -34,12 +36,12 @@ def keeps_its_shape(thing) -> bool:
     )
 
 
-def has_fixed_box(thing) -> bool:
+def has_fixed_box(thing: bpy.types.Object) -> bool:
     """Whether the object's box holds at every frame all that is rendered of it."""
     return is_fixed(thing) and has_rigid_box(thing)
 
 
-def has_rigid_box(thing) -> bool:
+def has_rigid_box(thing: bpy.types.Object) -> bool:
     """Whether the object's box, wherever it moves to, holds all that is rendered of it."""
     moves_surface = any(
         slot.material is not None and slot.material.displacement_method != "BUMP" for slot in thing.material_slots
@@ -47,7 +49,7 @@ def has_rigid_box(thing) -> bool:
     return thing.type == "MESH" and keeps_its_shape(thing) and not moves_surface
 
 
-def copies_others(thing) -> bool:
+def copies_others(thing: bpy.types.Object) -> bool:
     """Whether the object may show other objects elsewhere."""
     trees = [modifier.node_group for modifier in thing.modifiers if modifier.type == "NODES"]
     return (
@@ -57,12 +59,12 @@ def copies_others(thing) -> bool:
     )
 
 
-def _is_animated(block) -> bool:
+def _is_animated(block: bpy.types.ID | None) -> bool:
     animation = getattr(block, "animation_data", None)
     return animation is not None and bool(animation.action or animation.nla_tracks or animation.drivers)
 
 
-def _has_copying_nodes(tree, seen: set) -> bool:
+def _has_copying_nodes(tree: bpy.types.NodeTree | None, seen: set[bpy.types.NodeTree]) -> bool:
     if tree is None or tree in seen:
         return False
     seen.add(tree)

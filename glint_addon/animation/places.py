@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
+import bpy
 import numpy as np
 
 from .motion import is_fixed
@@ -12,19 +15,19 @@ STILL_CONSTRAINTS = {"TRACK_TO", "DAMPED_TRACK", "LOCKED_TRACK", "COPY_LOCATION"
                      "COPY_TRANSFORMS", "LIMIT_LOCATION", "LIMIT_ROTATION", "LIMIT_SCALE", "LIMIT_DISTANCE", "CHILD_OF"}
 
 
-def places(thing, frames) -> np.ndarray | None:
+def places(thing: bpy.types.Object, frames: Collection[float]) -> np.ndarray | None:
     """World matrices (f, 4, 4) of an object at the f `frames`, None if they cannot be told from keys alone."""
     if _is_settled(thing):
         return np.tile(np.array(thing.matrix_world), (len(frames), 1, 1))
     return poses(thing, frames)
 
 
-def is_still(matrices) -> bool:
+def is_still(matrices: np.ndarray) -> bool:
     """Whether matrices or points, (f, ...), are the same at all frames."""
     return bool((matrices == matrices[0]).all())
 
 
-def _is_settled(thing) -> bool:
+def _is_settled(thing: bpy.types.Object) -> bool:
     """Whether an object stays in its place at every frame: constraints to what stays count as nothing."""
     if is_fixed(thing, shape=False):
         return True

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
+import bpy
 import numpy as np
 from bpy_extras.anim_utils import action_get_channelbag_for_slot
 from mathutils import Euler, Matrix, Quaternion, Vector
@@ -11,7 +14,7 @@ from .motion import is_fixed, keeps_its_place
 TRANSFORMS = {"location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale"}
 
 
-def poses(thing, frames) -> np.ndarray | None:
+def poses(thing: bpy.types.Object, frames: Collection[float]) -> np.ndarray | None:
     """World matrices (n, 4, 4) of an object at each of the n `frames`, or None if keys alone do not say.
 
     Drivers, constraints, physics, strips and parts of a mixed action do not; parents may be animated in the same way.
@@ -29,7 +32,7 @@ def poses(thing, frames) -> np.ndarray | None:
     return None if parents is None else parents @ np.array(thing.matrix_parent_inverse) @ own
 
 
-def _curves(thing) -> dict | None:
+def _curves(thing: bpy.types.Object) -> dict[tuple[str, int], bpy.types.FCurve] | None:
     """Animation curves {(path, index): curve} of an object's place, or None if it is moved by more than an action."""
     animation = thing.animation_data
     if animation is None:
@@ -44,15 +47,15 @@ def _curves(thing) -> dict | None:
     return curves if all(path in TRANSFORMS for path, _ in curves) else None
 
 
-def _has_deltas(thing) -> bool:
+def _has_deltas(thing: bpy.types.Object) -> bool:
     moved = (*thing.delta_location, *thing.delta_rotation_euler, *(scale - 1.0 for scale in thing.delta_scale))
     return any(moved) or tuple(thing.delta_rotation_quaternion) != (1.0, 0.0, 0.0, 0.0)
 
 
-def _basis(thing, curves, frame) -> Matrix:
+def _basis(thing: bpy.types.Object, curves: dict[tuple[str, int], bpy.types.FCurve], frame: float) -> Matrix:
     """The object's own transform at a frame."""
 
-    def value(path):
+    def value(path: str) -> list[float]:
         return [
             curves[path, index].evaluate(frame) if (path, index) in curves else present
             for index, present in enumerate(getattr(thing, path))
