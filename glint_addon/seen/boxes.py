@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import combinations, product
 
+import bpy
 import numpy as np
 
 from .cameras import CameraView
@@ -13,12 +14,14 @@ FLATNESS = 1e-4  # thickness given to flat boxes, relative to their diagonal
 PARALLEL = 1e-12  # least volume that three planes' unit normals span
 
 
-def is_inside(view: CameraView, thing, matrix) -> bool:
+def is_inside(view: CameraView, thing: bpy.types.Object, matrix: np.ndarray) -> bool:
     """Whether a camera is within the box of an object; matrix: (4, 4), object to world."""
     return bool((_box(thing, matrix, view)[1][:, 3] > 0.0).all())
 
 
-def depth_range(view: CameraView, thing, matrix, seen_in_mirrors) -> tuple[float, float] | None:
+def depth_range(
+    view: CameraView, thing: bpy.types.Object, matrix: np.ndarray, seen_in_mirrors: bool
+) -> tuple[float, float] | None:
     """Nearest and farthest depth [m] at which a camera sees the box of an object, or None if it does not see it.
 
     matrix: (4, 4), object to world.
@@ -45,7 +48,7 @@ def depth_range(view: CameraView, thing, matrix, seen_in_mirrors) -> tuple[float
     return max(float(depth.min()), view.near), min(float(depth.max()), view.far)
 
 
-def _box(thing, to_world, view) -> tuple[np.ndarray, np.ndarray]:
+def _box(thing: bpy.types.Object, to_world: np.ndarray, view: CameraView) -> tuple[np.ndarray, np.ndarray]:
     """Corners (8, 3) and planes (6, 4), inside positive, of an object's box in the camera's space."""
     corners = np.array(thing.bound_box)
     low, high = corners.min(axis=0), corners.max(axis=0)

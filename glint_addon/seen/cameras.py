@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Any
 
+import bpy
 import numpy as np
 from mathutils import Matrix
 
@@ -46,14 +49,16 @@ class CameraView:
         return sides
 
 
-def camera_objects(scene) -> set:
+def camera_objects(scene: bpy.types.Scene) -> set[bpy.types.Object]:
     """The camera objects that `scene` has or may be rendered with."""
     cameras = {thing for thing in scene.objects if thing.type == "CAMERA"}
     cameras |= {marker.camera for marker in scene.timeline_markers if marker.camera}
     return cameras | {scene.camera} - {None}
 
 
-def camera_views(camera, scene, frames) -> list[CameraView] | None:
+def camera_views(
+    camera: bpy.types.Object, scene: bpy.types.Scene, frames: Collection[float]
+) -> list[CameraView] | None:
     """What object `camera` sees at each of the `frames`, None if it may see anything: all around, by a lens that
     changes, or from where keys alone do not say. Matrices must be current."""
     data = camera.data
@@ -68,7 +73,7 @@ def camera_views(camera, scene, frames) -> list[CameraView] | None:
     half = MARGIN * (high - low).max() / 2
     farthest = np.maximum(np.abs(low), np.abs(high))
     aperture, focus = _aperture_and_focus(data)
-    kept = {
+    kept: dict[str, Any] = {
         "low": (low + high) / 2 - half,
         "high": (low + high) / 2 + half,
         "near": data.clip_start,
@@ -82,14 +87,15 @@ def camera_views(camera, scene, frames) -> list[CameraView] | None:
     return [CameraView(np.array(Matrix(matrix).normalized().inverted_safe()), **kept) for matrix in matrices]
 
 
-def all_camera_views(scene, frames) -> list[list[CameraView]]:
+def all_camera_views(scene: bpy.types.Scene, frames: Collection[float]) -> list[list[CameraView]]:
     """What each camera sees at each of the `frames`; none if there are no cameras, or if one may see anything."""
     unsure = scene.render.use_multiview or not hasattr(scene, "cycles") or is_animated(scene, "cycles.samples")
     views = [] if unsure else [camera_views(camera, scene, frames) for camera in camera_objects(scene)]
-    return [] if None in views else views
+    known = [each for each in views if each is not None]
+    return known if len(known) == len(views) else []
 
 
-def _picture_bounds(data, scene) -> tuple[np.ndarray, np.ndarray]:
+def _picture_bounds(data: bpy.types.Camera, scene: bpy.types.Scene) -> tuple[np.ndarray, np.ndarray]:
     """Low and high corner (2,) of the picture in camera space, for a perspective camera at depth 1."""
     corners = np.array([corner[:] for corner in data.view_frame(scene=scene)])
     if data.type == "PERSP":
@@ -97,13 +103,13 @@ def _picture_bounds(data, scene) -> tuple[np.ndarray, np.ndarray]:
     return corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
 
 
-def _resolution(scene) -> np.ndarray:
+def _resolution(scene: bpy.types.Scene) -> np.ndarray:
     """Pixels of the picture, width and height."""
     render = scene.render
     return render.resolution_percentage / 100 * np.array([render.resolution_x, render.resolution_y])
 
 
-def _aperture_and_focus(data) -> tuple[float, float | None]:
+def _aperture_and_focus(data: bpy.types.Camera) -> tuple[float, float | None]:
     if not data.dof.use_dof:
         return 0.0, 1.0
     # As Cycles: half the focal length over the f-number, in metres; bokeh may stretch it.

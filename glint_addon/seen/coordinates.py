@@ -16,7 +16,7 @@ OUTERMOST_AREA = 0.01
 LARGEST_STRETCH = 2.0
 
 
-def uv_transforms(material, group) -> list[tuple[str, np.ndarray]] | None:
+def uv_transforms(material: bpy.types.Material, group: bpy.types.ShaderNodeTree) -> list[tuple[str, np.ndarray]] | None:
     """How `material` places the map of `group`: [(name of the UV map, (2, 2) matrix, UVs to map coordinates), ...].
 
     "" is the UV map that is active for rendering. None where the nodes do not say: other coordinates, animated nodes or
@@ -34,13 +34,16 @@ def uv_transforms(material, group) -> list[tuple[str, np.ndarray]] | None:
             if socket is None:
                 return None
             # An input without a link reads the active UV map, as of every texture.
-            found.append(_uv_transform(socket) if socket.is_linked else ("", np.eye(2)))
+            placed = _uv_transform(socket) if socket.is_linked else ("", np.eye(2))
+            if placed is None:
+                return None
+            found.append(placed)
         elif group in held_groups(node.node_tree):
             return None
-    return None if None in found or not found else found
+    return found or None
 
 
-def _uv_transform(socket) -> tuple[str, np.ndarray] | None:
+def _uv_transform(socket: bpy.types.NodeSocket) -> tuple[str, np.ndarray] | None:
     """The UV map and the matrix that end at a Vector input, through Reroute and Mapping nodes; else None."""
     matrix = np.eye(3)
     while len(socket.links) == 1:
@@ -63,7 +66,7 @@ def _uv_transform(socket) -> tuple[str, np.ndarray] | None:
     return None
 
 
-def _mapping_matrix(node) -> np.ndarray | None:
+def _mapping_matrix(node: bpy.types.Node) -> np.ndarray | None:
     """The linear part (3, 3) of a Mapping node whose values are fixed, else None."""
     if node.vector_type == "NORMAL" or any(node.inputs[name].is_linked for name in ("Location", "Rotation", "Scale")):
         return None
@@ -75,7 +78,9 @@ def _mapping_matrix(node) -> np.ndarray | None:
     return np.divide(1.0, scale, out=np.zeros(3), where=scale != 0)[:, None] * rotation.T
 
 
-def texel_densities(mesh, matrix, uv_map: str, transform) -> tuple[float, float] | None:
+def texel_densities(
+    mesh: bpy.types.Mesh, matrix: np.ndarray, uv_map: str, transform: np.ndarray
+) -> tuple[float, float] | None:
     """Smallest and largest texels per metre along the short axis of a round footprint on a mesh, or None.
 
     For the arguments and None see `texel_axes`. The largest number also bounds surfaces seen at an angle, up to
@@ -92,13 +97,15 @@ def texel_densities(mesh, matrix, uv_map: str, transform) -> tuple[float, float]
     )
 
 
-def largest_texel_area(mesh, matrix, uv_map: str, transform) -> float | None:
+def largest_texel_area(mesh: bpy.types.Mesh, matrix: np.ndarray, uv_map: str, transform: np.ndarray) -> float | None:
     """Most texels per square metre of a mesh without its outermost pieces, or None; arguments as for `texel_axes`."""
     found = texel_axes(mesh, matrix, uv_map, transform)
     return None if found is None else _quantile(found[0] * found[1], found[2], 1.0 - OUTERMOST_AREA)
 
 
-def texel_axes(mesh, matrix, uv_map: str, transform) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+def texel_axes(
+    mesh: bpy.types.Mesh, matrix: np.ndarray, uv_map: str, transform: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Texels per metre along the short and the long axis of a round footprint on each triangle (n,), its area [m^2].
 
     matrix: (3, 3), mesh to world; transform: (2, 2), UVs of the UV map `uv_map` to texels. Degenerate triangles are
@@ -130,19 +137,19 @@ def texel_axes(mesh, matrix, uv_map: str, transform) -> tuple[np.ndarray, np.nda
     return product / largest, largest, area
 
 
-def vertices(mesh) -> np.ndarray:
+def vertices(mesh: bpy.types.Mesh) -> np.ndarray:
     """Places (n, 3) of a mesh's vertices, in its own space."""
     return _values(mesh.vertices, "co", np.float32).reshape(-1, 3).astype(float)
 
 
-def face_planes(mesh, count: int) -> tuple[np.ndarray, np.ndarray]:
+def face_planes(mesh: bpy.types.Mesh, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Outward normals (n, 3) and centres (n, 3) of at most about `count` faces, spread over the mesh."""
     step = max(len(mesh.polygons) // count, 1)
     normals, centres = (_values(mesh.polygons, name, np.float32).reshape(-1, 3) for name in ("normal", "center"))
     return normals[::step].astype(float), centres[::step].astype(float)
 
 
-def evaluated_mesh(thing, depsgraph) -> bpy.types.Mesh | None:
+def evaluated_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bpy.types.Mesh | None:
     """The mesh of an object with its modifiers, or None if the view layer has none to give."""
     evaluated = thing.evaluated_get(depsgraph)
     if thing.modifiers and not evaluated.is_evaluated:
@@ -150,14 +157,14 @@ def evaluated_mesh(thing, depsgraph) -> bpy.types.Mesh | None:
     return evaluated.data if len(evaluated.data.polygons) else None
 
 
-def _values(collection, name, kind) -> np.ndarray:
+def _values(collection: bpy.types.bpy_prop_collection, name: str, kind: type[np.generic]) -> np.ndarray:
     """A property of two (UVs) or three numbers of all members, in one row."""
     values = np.empty(len(collection) * (2 if name == "vector" else 3), kind)
     collection.foreach_get(name, values)
     return values
 
 
-def _quantile(values, weights, part: float) -> float:
+def _quantile(values: np.ndarray, weights: np.ndarray, part: float) -> float:
     """The value below which `part` of the weights lie."""
     order = np.argsort(values)
     below = np.cumsum(weights[order])

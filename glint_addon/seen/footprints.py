@@ -6,6 +6,8 @@ cannot be told, it is everything.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import bpy
 import numpy as np
 
@@ -14,7 +16,7 @@ from ..animation.motion import copies_others, has_rigid_box
 from ..animation.poses import poses
 from ..bake.counts import counts_levels
 from .boxes import depth_range, is_inside
-from .cameras import all_camera_views
+from .cameras import CameraView, all_camera_views
 from .coordinates import evaluated_mesh, face_planes, texel_densities, uv_transforms, vertices
 from .mirrors import has_mirrors, renders_mirrors
 
@@ -40,7 +42,14 @@ LEAST_SCALING = 1e-3  # relative change of an object's size over an animation th
 LEAST_HOLLOW = 1e-3  # of the mesh's size: how far a point stands above a face that sees it; less is rounding
 
 
-def footprint_range(scene, group, uses, size, *, mirrored=False) -> tuple[float, float]:
+def footprint_range(
+    scene: bpy.types.Scene,
+    group: bpy.types.ShaderNodeTree,
+    uses: Iterable[tuple[bpy.types.Object, bpy.types.Material]],
+    size: tuple[int, int],
+    *,
+    mirrored: bool = False,
+) -> tuple[float, float]:
     """Smallest and largest short semi-axis, in texels, of a sample's footprint on the map of `group` in `scene`.
 
     uses: (object, material) pairs that have the group; size: (width, height) of the map in texels. mirrored: judge as
@@ -72,7 +81,9 @@ def footprint_range(scene, group, uses, size, *, mirrored=False) -> tuple[float,
     return float(smallest * radius / MARGIN), float(largest * radius * MARGIN)
 
 
-def counts_levels_reached(footprints, width: int, height: int, interpolation: str) -> tuple[int, int] | None:
+def counts_levels_reached(
+    footprints: tuple[float, float], width: int, height: int, interpolation: str
+) -> tuple[int, int] | None:
     """Sides (first, last) of the blocks whose counts a map of `width` x `height` texels needs, None if it needs none.
 
     footprints: smallest and largest short semi-axis in texels, of `footprint_range`.
@@ -86,12 +97,12 @@ def counts_levels_reached(footprints, width: int, height: int, interpolation: st
     return max(nearest, default=levels[0]), max(farthest)
 
 
-def index_is_reached(footprints) -> bool:
+def index_is_reached(footprints: tuple[float, float]) -> bool:
     """Whether a sample asks for the index; footprints as for `counts_levels_reached`."""
     return footprints[1] >= INDEX_SHORT_AXIS
 
 
-def rigid_mesh(scene, thing) -> bpy.types.Mesh | None:
+def rigid_mesh(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.Mesh | None:
     """The mesh that is rendered of an object at every frame, or None if it may change its shape."""
     if not has_rigid_box(thing):
         return None
@@ -99,22 +110,24 @@ def rigid_mesh(scene, thing) -> bpy.types.Mesh | None:
     return evaluated_mesh(thing, depsgraph) if depsgraph is not None else None
 
 
-def _is_rigid(matrices) -> bool:
+def _is_rigid(matrices: np.ndarray) -> bool:
     """Whether none of the matrices (n, 4, 4) is degenerate and all scale alike."""
     scales = np.linalg.svd(matrices[:, :3, :3], compute_uv=False)
     return bool(scales.min() > 0.0 and (np.ptp(scales, axis=0) <= LEAST_SCALING * scales[0]).all())
 
 
-def _distinct_pairs(cameras, matrices) -> list[tuple]:
+def _distinct_pairs(cameras: list[list[CameraView]], matrices: np.ndarray) -> list[tuple[CameraView, np.ndarray]]:
     """What each camera sees at each frame, and the object's matrix then; a frame like an earlier one counts once."""
-    found = []
+    found: list[tuple[CameraView, np.ndarray]] = []
     for views in cameras:
         pairs = list(zip(views, matrices, strict=True))
         found += {(view.inverse.tobytes(), matrix.tobytes()): (view, matrix) for view, matrix in pairs}.values()
     return found
 
 
-def _range_seen(view, thing, matrix, density, seen_in_mirrors) -> tuple[float, float]:
+def _range_seen(
+    view: CameraView, thing: bpy.types.Object, matrix: np.ndarray, density: tuple[float, float], seen_in_mirrors: bool
+) -> tuple[float, float]:
     """Smallest and largest footprint, in texels a pixel radius, that a camera sees of an object; NOTHING if none."""
     depths = depth_range(view, thing, matrix, seen_in_mirrors)
     if depths is None:
@@ -124,14 +137,14 @@ def _range_seen(view, thing, matrix, density, seen_in_mirrors) -> tuple[float, f
     return density[0] * view.pixel * depths[0] * view.least_cosine, density[1] * view.pixel * depths[1]
 
 
-def _is_mirrored(scene, thing, mesh, from_within: bool) -> bool:
+def _is_mirrored(scene: bpy.types.Scene, thing: bpy.types.Object, mesh: bpy.types.Mesh, from_within: bool) -> bool:
     """Whether `thing`, whose mesh is `mesh`, may be seen in a mirror, or in itself; `from_within`: also from inside."""
     if not renders_mirrors(scene):
         return False
     return has_mirrors(scene, sharp=False, besides=thing) or from_within or _sees_itself(mesh)
 
 
-def _sees_itself(mesh) -> bool:
+def _sees_itself(mesh: bpy.types.Mesh) -> bool:
     """Whether a point of the mesh stands above one of its faces: it is not convex."""
     points = vertices(mesh)
     normals, centres = face_planes(mesh, JUDGED_FACES)

@@ -10,6 +10,8 @@ What is judged by it asks one question more, because a mistake costs each someth
 
 from __future__ import annotations
 
+import bpy
+
 from ..materials.worn import worn_materials
 from ..nodes.glint_bsdf import is_glint_group
 
@@ -22,13 +24,13 @@ NO_MIRRORS = {
 }
 
 
-def renders_mirrors(scene) -> bool:
+def renders_mirrors(scene: bpy.types.Scene) -> bool:
     """Whether a path of the scene may go on from a surface that mirrors or refracts."""
     cycles = scene.cycles
     return cycles.max_bounces > 0 and max(cycles.glossy_bounces, cycles.transmission_bounces) > 0
 
 
-def has_mirrors(scene, *, sharp: bool, besides=None) -> bool:
+def has_mirrors(scene: bpy.types.Scene, *, sharp: bool, besides: bpy.types.Object | None = None) -> bool:
     """Whether surfaces of the scene, but for those of object `besides`, may show others.
 
     sharp: whether only those count that mirror sharply. Matrices and modifiers must be current.
@@ -42,7 +44,7 @@ def has_mirrors(scene, *, sharp: bool, besides=None) -> bool:
     return any(_mirrors(material.node_tree, sharp, set()) for material in shown)
 
 
-def _mirrors(tree, sharp, seen: set) -> bool:
+def _mirrors(tree: bpy.types.NodeTree | None, sharp: bool, seen: set[bpy.types.NodeTree]) -> bool:
     """Whether a tree of nodes may mirror or refract."""
     if tree is None or tree in seen or sharp and is_glint_group(tree):
         return False
@@ -54,11 +56,11 @@ def _mirrors(tree, sharp, seen: set) -> bool:
     )
 
 
-def _has_shader(node) -> bool:
+def _has_shader(node: bpy.types.Node) -> bool:
     return any(output.type == "SHADER" for output in node.outputs)
 
 
-def _is_rough(node) -> bool:
+def _is_rough(node: bpy.types.Node) -> bool:
     """Whether all that a shader node mirrors is blurred."""
     roughness, coat = node.inputs.get("Roughness"), node.inputs.get("Coat Weight")
     if roughness is None or roughness.is_linked or roughness.default_value < ROUGH:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import bpy
 import numpy as np
 
 from ..animation.curves import is_animated
@@ -11,6 +12,7 @@ from ..animation.frames import chosen_frames
 from ..animation.motion import copies_others
 from .cameras import CameraView, all_camera_views
 from .mirrors import has_mirrors
+from .surface import PatchesOver
 
 
 @dataclass(frozen=True)
@@ -22,10 +24,10 @@ class SceneViews:
     frames: np.ndarray
     cameras: list[list[CameraView]]
     has_mirrors: bool
-    surfaces: dict = field(default_factory=dict)
+    surfaces: dict[bpy.types.Object, PatchesOver | None] = field(default_factory=dict)
 
 
-def scene_views(scene) -> SceneViews | None:
+def scene_views(scene: bpy.types.Scene) -> SceneViews | None:
     """What the cameras of a scene see, None if that cannot be told, if there are copies of objects, or if diffuse
     surfaces show glints, which see all around them."""
     frames = chosen_frames(scene)
@@ -35,7 +37,7 @@ def scene_views(scene) -> SceneViews | None:
     return SceneViews(frames, cameras, has_mirrors(scene, sharp=True))
 
 
-def _shows_caustics(scene) -> bool:
+def _shows_caustics(scene: bpy.types.Scene) -> bool:
     """Whether glints are enumerated after diffuse bounces, at any time: see CAUSTICS of nodes.glint_bsdf."""
     cycles = scene.cycles
     if min(cycles.max_bounces, cycles.diffuse_bounces) == 0:

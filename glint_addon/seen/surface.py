@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import bpy
 import numpy as np
 
 from .cameras import CameraView
@@ -26,14 +27,18 @@ class Patches:
     spreads: np.ndarray
     are_closed: bool
 
-    def moved(self, matrix) -> Patches:
+    def moved(self, matrix: np.ndarray) -> Patches:
         """The patches under a rigid motion, (4, 4)."""
         turn = matrix[:3, :3]
         centres = self.centres @ turn.T + matrix[:3, 3]
         return Patches(centres, self.areas, self.radii, self.normals @ turn.T, self.spreads, self.are_closed)
 
 
-def surface_patches(mesh, matrix) -> Patches:
+# The patches of an object at each of some frames, with its largest ratio of scales.
+PatchesOver = list[tuple[Patches, float]]
+
+
+def surface_patches(mesh: bpy.types.Mesh, matrix: np.ndarray) -> Patches:
     """The patches of a mesh in world space; matrix: (4, 4), mesh to world."""
     points, normals = _triangles(mesh, matrix)
     longest = np.ptp(points.reshape(-1, 3), axis=0).max()
@@ -86,7 +91,7 @@ def pixels_filled(view: CameraView, patches: Patches) -> tuple[np.ndarray, np.nd
     return patches.areas * shown / view.pixel**2, is_in_picture & (places[:, 2] < 0.0)
 
 
-def is_closed(mesh) -> bool:
+def is_closed(mesh: bpy.types.Mesh) -> bool:
     """Whether each edge of a mesh is between two faces, and all of them face away from the volume within."""
     count = len(mesh.loops)
     edges, corners = (_values(mesh.loops, name, np.int32, 1)[:, 0] for name in ("edge_index", "vertex_index"))
@@ -101,7 +106,7 @@ def is_closed(mesh) -> bool:
     return bool(np.linalg.det(points).sum() > 0.0)
 
 
-def _triangles(mesh, matrix):
+def _triangles(mesh: bpy.types.Mesh, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Corners (n, 3, 3) of the mesh's triangles and the shading normals there, in world space."""
     mesh.calc_loop_triangles()
     loops = _values(mesh.loop_triangles, "loops", np.int32, 3)
@@ -113,7 +118,7 @@ def _triangles(mesh, matrix):
     return points, normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
 
 
-def _cut(corners):
+def _cut(corners: np.ndarray) -> np.ndarray:
     """Four triangles (4 n, 3, 3) from each, cut between the middles of its sides; normals stay as good as unit ones."""
     a, b, c = corners.transpose(1, 0, 2)
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
@@ -121,7 +126,7 @@ def _cut(corners):
     return np.concatenate([np.stack(each, axis=1) for each in four])
 
 
-def _values(collection, name, kind, width) -> np.ndarray:
+def _values(collection: bpy.types.bpy_prop_collection, name: str, kind: type[np.generic], width: int) -> np.ndarray:
     """A property of all members, (n, width)."""
     values = np.empty(len(collection) * width, kind)
     collection.foreach_get(name, values)
