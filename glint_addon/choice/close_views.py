@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import inf, pi
+from typing import TYPE_CHECKING
 
+import bpy
 import numpy as np
 
 from ..animation.places import places
@@ -11,8 +14,12 @@ from ..nodes.glint_bsdf import group_binding
 from ..nodes.map_tables import MapTables
 from ..seen.coordinates import largest_texel_area, uv_transforms
 from ..seen.footprints import FOOTPRINT_EXPONENT, FOOTPRINT_SCALE, rigid_mesh
+from ..seen.scene_views import SceneViews
 from ..seen.surface import pixels_filled
 from .patches import patches_over
+
+if TYPE_CHECKING:
+    from .material_lights import Family
 
 # Samples a pixel that footprints are judged by: with more they are smaller still, with fewer hardly anybody renders.
 SAMPLES = 4
@@ -22,7 +29,7 @@ FEWEST_TEXELS = 1.0
 CLOSE_UP = "its glints are so close, about a texel a sample, that Blender's own nodes are as fast"
 
 
-def is_close_up(scene, views, family) -> bool:
+def is_close_up(scene: bpy.types.Scene, views: SceneViews | None, family: Family) -> bool:
     """Whether footprints on all that shows a family's maps hold FEWEST_TEXELS or less, at any frame and to any camera.
 
     views: what `scene_views` found; family: `material_lights.Family`. False where it cannot be told, and for Linear
@@ -37,25 +44,44 @@ def is_close_up(scene, views, family) -> bool:
     return 0.0 < max(seen, default=0.0) <= FEWEST_TEXELS
 
 
-def _texels_a_footprint(scene, views, thing, materials, groups) -> float:
+def _texels_a_footprint(
+    scene: bpy.types.Scene,
+    views: SceneViews,
+    thing: bpy.types.Object,
+    materials: Iterable[bpy.types.Material],
+    groups: set[bpy.types.ShaderNodeTree],
+) -> float:
     """Mean over the pixels that show an object, the largest of all frames and cameras; 0: not seen, inf: who knows."""
     mesh, surface = rigid_mesh(scene, thing), patches_over(scene, thing, views)
-    placed = [(group, uv_transforms(material, group)) for material in materials for group in groups]
-    if mesh is None or surface is None or any(transforms is None for _, transforms in placed):
+    matrices = places(thing, views.frames)
+    if mesh is None or surface is None or matrices is None:
         return inf
-    matrix = places(thing, views.frames)[0, :3, :3]
-    densities = [
-        largest_texel_area(mesh, matrix, uv_map, np.diag(np.asarray(MapTables.of(group).size, float)) @ transform)
-        for group, transforms in placed for uv_map, transform in transforms
-    ]
-    if None in densities:
+    density = max((_texel_density(mesh, matrices[0, :3, :3], material, group)
+                   for material in materials for group in groups), default=inf)
+    if density == inf:
         return inf
     pixels_a_footprint = pi * (FOOTPRINT_SCALE * SAMPLES**-FOOTPRINT_EXPONENT) ** 2
     largest = 0.0
     for camera in views.cameras:
         for view, (patches, _) in zip(camera, surface, strict=True):
             pixels, is_in_picture = pixels_filled(view, patches)
-            texels = max(densities) * patches.areas[is_in_picture].sum()
+            texels = density * patches.areas[is_in_picture].sum()
             if texels > 0.0:
                 largest = max(largest, texels / max(pixels[is_in_picture].sum(), 1e-30) * pixels_a_footprint)
+    return largest
+
+
+def _texel_density(
+    mesh: bpy.types.Mesh, matrix: np.ndarray, material: bpy.types.Material, group: bpy.types.ShaderNodeTree
+) -> float:
+    """Most texels per square metre of a material's map on a mesh; inf: who knows. matrix: (3, 3), mesh to world."""
+    largest, transforms = 0.0, uv_transforms(material, group)
+    if transforms is None:
+        return inf
+    scale = np.diag(np.asarray(MapTables.of(group).size, float))
+    for uv_map, transform in transforms:
+        density = largest_texel_area(mesh, matrix, uv_map, scale @ transform)
+        if density is None:
+            return inf
+        largest = max(largest, density)
     return largest

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..lights.hint import Hint
 from ..nodes.glint_lights import KIND_SUN
+from ..seen.cameras import CameraView
+from ..seen.surface import Patches
 
 # Half vectors turn ever faster as light and view become opposite: from here on all are reached.
 OPPOSITE = np.radians(170.0)
@@ -22,7 +25,7 @@ class Meeting:
     light_cosine: np.ndarray
 
 
-def meeting(hint, matrix, view, patches) -> Meeting:
+def meeting(hint: Hint, matrix: np.ndarray, view: CameraView, patches: Patches) -> Meeting:
     """How the patches meet a light whose world matrix is `matrix`, in a camera's view (`seen.cameras.CameraView`)."""
     light, light_spread, half_angle = _directions(matrix, hint, patches)
     sight, sight_spread = _sights(view, patches)
@@ -40,7 +43,7 @@ def meeting(hint, matrix, view, patches) -> Meeting:
     return Meeting(np.maximum(angle, 0.0), growth * half_angle, (light * sides).sum(axis=1))
 
 
-def _directions(matrix, hint, patches):
+def _directions(matrix: np.ndarray, hint: Hint, patches: Patches) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Unit vectors to a light (n, 3), how far they differ on a patch (n,), angular radius of the light (n,) [rad]."""
     count = len(patches.centres)
     if hint.kind == KIND_SUN:
@@ -51,7 +54,7 @@ def _directions(matrix, hint, patches):
     return offset / np.maximum(distance, 1e-12)[:, None], _cone(patches.radii, distance), _cone(hint.size, nearest)
 
 
-def _sights(view, patches):
+def _sights(view: CameraView, patches: Patches) -> tuple[np.ndarray, np.ndarray]:
     """Unit vectors to a camera (n, 3), how far they differ on a patch (n,) and over the lens [rad]."""
     to_world = np.linalg.inv(view.inverse)
     if not view.is_perspective:
@@ -61,7 +64,7 @@ def _sights(view, patches):
     return offset / np.maximum(distance, 1e-12)[:, None], _cone(patches.radii + view.aperture, distance)
 
 
-def _cone(radius, distance):
+def _cone(radius: np.ndarray | float, distance: np.ndarray) -> np.ndarray:
     """Half-angle [rad] of balls at some distance: all around from within."""
     is_outside = distance > radius
     return np.where(is_outside, np.arcsin(np.where(is_outside, radius / np.maximum(distance, 1e-12), 0.0)), np.pi)

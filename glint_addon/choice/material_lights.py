@@ -6,11 +6,15 @@ materials look for one set of lights.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
 
+import bpy
+
 from ..animation.frames import chosen_frames
-from ..lights.receivers import lit_objects
+from ..lights.hint import Hint
+from ..lights.receivers import CopiedPlaces, lit_objects
 from ..nodes.glint_bsdf import is_glint_group, lights_of
 from ..nodes.glint_lights import set_of
 from ..nodes.map_binding import map_of
@@ -29,18 +33,21 @@ class Family:
     may be replaced, none if the materials' groups must stay as they are; groups: the Glint BSDF groups in use; sets:
     numbers of the sets of lights that those of another file read, which must stay too."""
 
-    materials: tuple
-    objects: tuple
-    nodes: tuple
-    groups: tuple
-    sets: frozenset = frozenset()
+    materials: tuple[bpy.types.Material, ...]
+    objects: tuple[bpy.types.Object, ...]
+    nodes: tuple[bpy.types.ShaderNode, ...]
+    groups: tuple[bpy.types.ShaderNodeTree, ...]
+    sets: frozenset[int] = frozenset()
 
 
-def material_families(uses) -> list[Family]:
+def material_families(
+    uses: Mapping[bpy.types.ShaderNodeTree, list[tuple[bpy.types.Object, bpy.types.Material]]]
+) -> list[Family]:
     """Families by the name of their first material; those of materials that must stay as they are first."""
     pairs = sorted({(material.name_full, thing.name_full, material, thing) for group in uses
                     for thing, material in uses[group]}, key=lambda pair: pair[:2])
-    groups, objects = {}, {}
+    groups: dict[bpy.types.Material, tuple[bpy.types.ShaderNodeTree, ...]] = {}
+    objects: dict[bpy.types.Material, list[bpy.types.Object]] = {}
     for *_, material, thing in pairs:
         objects.setdefault(material, []).append(thing)
         groups[material] = tuple(group for group in uses if any(each == material for _, each in uses[group]))
@@ -50,9 +57,11 @@ def material_families(uses) -> list[Family]:
                        for material in objects if material not in held]
 
 
-def _by_sets(materials, groups) -> list[tuple[frozenset, list]]:
+def _by_sets(
+    materials: Iterable[bpy.types.Material], groups: dict[bpy.types.Material, tuple[bpy.types.ShaderNodeTree, ...]]
+) -> list[tuple[frozenset[int], list[bpy.types.Material]]]:
     """Materials that must stay, parted by the sets of lights of another file that they read."""
-    parts = []
+    parts: list[tuple[frozenset[int], list[bpy.types.Material]]] = []
     for material in materials:
         sets = frozenset(set_of(lights_of(group)) for group in groups[material]
                          if group.library is not None and lights_of(group) is not None)
@@ -63,13 +72,18 @@ def _by_sets(materials, groups) -> list[tuple[frozenset, list]]:
     return parts
 
 
-def _held_family(materials, sets, objects, groups) -> Family:
+def _held_family(
+    materials: list[bpy.types.Material],
+    sets: frozenset[int],
+    objects: dict[bpy.types.Material, list[bpy.types.Object]],
+    groups: dict[bpy.types.Material, tuple[bpy.types.ShaderNodeTree, ...]],
+) -> Family:
     things = dict.fromkeys(thing for material in materials for thing in objects[material])
     shared = dict.fromkeys(group for material in materials for group in groups[material])
     return Family(tuple(materials), tuple(things), (), tuple(shared), sets)
 
 
-def _is_free(material, groups) -> bool:
+def _is_free(material: bpy.types.Material, groups: tuple[bpy.types.ShaderNodeTree, ...]) -> bool:
     """Whether another group may take the place of each of `groups` in a material: it holds them itself."""
     own = {node.node_tree for node in _nodes(material)}
     return material.library is None and material.override_library is None and set(groups) <= own and not _holds_deeper(
@@ -77,20 +91,22 @@ def _is_free(material, groups) -> bool:
     )
 
 
-def _holds_deeper(tree, seen: set, *, at_top=True) -> bool:
+def _holds_deeper(tree: bpy.types.NodeTree, seen: set[bpy.types.NodeTree], *, at_top: bool = True) -> bool:
     """Whether a group inside the tree holds a Glint BSDF."""
     inner = {node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup"} - seen - {None}
     seen |= inner
     return any((not at_top) if is_glint_group(each) else _holds_deeper(each, seen, at_top=False) for each in inner)
 
 
-def _nodes(material) -> list:
+def _nodes(material: bpy.types.Material) -> list[bpy.types.ShaderNode]:
     """The Glint BSDF nodes with a map that a material holds itself."""
     return [node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup"
             and is_glint_group(node.node_tree) and map_of(node.node_tree) is not None]
 
 
-def material_choices(scene, families, found, copied) -> list[Choice]:
+def material_choices(
+    scene: bpy.types.Scene, families: list[Family], found: list[Hint], copied: CopiedPlaces
+) -> list[Choice]:
     """What each family looks for of the hints `found`; copied: `receivers.copied_places` of the layers rendered."""
     frames, views = chosen_frames(scene), scene_views(scene)
     everything = {thing for family in families for thing in family.objects}
@@ -99,10 +115,12 @@ def material_choices(scene, families, found, copied) -> list[Choice]:
     for family in families:
         facets = facets_of(family.nodes)
         alpha = facets.alpha if facets else SHARPEST
-        shared = {}
+        shared: dict[tuple[bpy.types.Object, ...], list[Hint]] = {}
         for hint in found:
             shared.setdefault(tuple(thing for thing in family.objects if thing in lit[hint]), []).append(hint)
-        values, reached, soft = {}, set(), set()
+        values: dict[Hint, float] = {}
+        reached: set[Hint] = set()
+        soft: set[Hint] = set()
         for objects, hints in shared.items():
             boxes = boxes_over(objects, frames, copied)
             judged = judgements(scene, views, objects, facets, hints)
@@ -121,6 +139,6 @@ def material_choices(scene, families, found, copied) -> list[Choice]:
     return chosen
 
 
-def _lit(hint, objects) -> list:
+def _lit(hint: Hint, objects: Collection[bpy.types.Object]) -> list[bpy.types.Object]:
     source = hint.source
     return lit_objects(source, objects) if source is not None else list(objects)

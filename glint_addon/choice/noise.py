@@ -5,9 +5,11 @@ Nothing here depends on the current frame. What cannot be told is infinite.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from math import asin, hypot, inf, pi
 
+import bpy
 import numpy as np
 
 from ..animation.curves import peak_value
@@ -17,6 +19,7 @@ from ..lights.hint import Hint
 from ..lights.irradiance import irradiance
 from ..lights.kind import lamp_at
 from ..lights.kinds import may_change_power
+from ..lights.receivers import CopiedPlaces
 from ..nodes.glint_lights import KIND_SUN
 
 NEVER = -1.0  # the value of a light that never shines on the material
@@ -36,7 +39,7 @@ class Boxes:
     are_fixed: bool
 
 
-def noise_in_remainder(hint: Hint, boxes: Boxes, frames, alpha: float) -> float:
+def noise_in_remainder(hint: Hint, boxes: Boxes, frames: np.ndarray, alpha: float) -> float:
     """Standard deviation, up to a factor common to all hints, of the light's glints where they are met by chance.
 
     boxes: of the objects it lights, at the f `frames`; alpha: of a facet. Infinite where the light's place or power
@@ -47,7 +50,7 @@ def noise_in_remainder(hint: Hint, boxes: Boxes, frames, alpha: float) -> float:
     if hint.kind == KIND_SUN and hint.direction is not None:
         return _noise(hint.power, hint.size, alpha)
     lamp, matrices = hint.source, _places_of(hint, frames)
-    if matrices is None or _may_be_brighter(lamp.data):
+    if lamp is None or matrices is None or _may_be_brighter(lamp.data):
         return inf
     if lamp.type != "LIGHT" or hint.instance and hint.instance.poses:
         # Its power is known for the present frame alone.
@@ -62,7 +65,7 @@ def noise_in_remainder(hint: Hint, boxes: Boxes, frames, alpha: float) -> float:
     return NEVER if value == 0.0 and boxes.are_fixed and not hint.instance and is_fixed(lamp) else value
 
 
-def boxes_over(objects, frames, copied=None) -> Boxes:
+def boxes_over(objects: Collection[bpy.types.Object], frames: np.ndarray, copied: CopiedPlaces | None = None) -> Boxes:
     """Boxes of objects at the `frames`; one whose place cannot be told is where the middle of the others is.
 
     copied: `receivers.copied_places` of those that have copies, which are taken to stay where they are.
@@ -79,15 +82,15 @@ def boxes_over(objects, frames, copied=None) -> Boxes:
     return Boxes(low, high, not copied and all(has_fixed_box(thing) for thing in objects))
 
 
-def _places_of(hint, frames) -> np.ndarray | None:
+def _places_of(hint: Hint, frames: np.ndarray) -> np.ndarray | None:
     """World matrices (f, 4, 4) of a light at the frames, None if they cannot be told; of a copy that no driver follows
     and that never moves any one matrix."""
     if not hint.instance:
         return places(hint.object, frames)
-    if hint.instance.poses:
+    instancer = hint.instance.instancer
+    if hint.instance.poses or instancer is None:
         is_known = len(hint.instance.poses) == 1
         return np.tile(np.eye(4), (len(frames), 1, 1)) if is_known else None
-    instancer = hint.instance.instancer
     outer, inner = places(instancer, frames), places(hint.instance.source, frames)
     if outer is None or inner is None:
         return None
@@ -96,7 +99,7 @@ def _places_of(hint, frames) -> np.ndarray | None:
     return outer @ inner
 
 
-def _noise_at(hint, matrix, low, high, energy, alpha):
+def _noise_at(hint: Hint, matrix: np.ndarray, low: np.ndarray, high: np.ndarray, energy: float, alpha: float) -> float:
     """`noise_in_remainder` of boxes (n, 3) under the light at one place, `matrix` (4, 4)."""
     power = irradiance(lamp_at(hint.source, matrix), low, high, energy)
     half_angle = hint.size
@@ -106,16 +109,16 @@ def _noise_at(hint, matrix, low, high, energy, alpha):
     return _noise(power, half_angle, alpha)
 
 
-def _noise(power, half_angle, alpha):
+def _noise(power: float, half_angle: float, alpha: float) -> float:
     """A light of this irradiance is met by a random facet the more often, the wider its image in the lobe is.
 
     Brightness goes as the inverse of that solid angle, the chance as the solid angle: the deviation as the inverse of
     its root. An angle between lights is half of it between facets.
     """
-    return power / max(hypot(alpha, half_angle / 2), np.finfo(np.float32).tiny)
+    return power / max(hypot(alpha, half_angle / 2), float(np.finfo(np.float32).tiny))
 
 
-def _may_be_brighter(light) -> bool:
+def _may_be_brighter(light: bpy.types.ID) -> bool:
     """Whether something but keys changes the light's power or shape, or keys its shape, or anything its nodes."""
     tree = getattr(light, "node_tree", None)  # meshes have none
     if tree is not None and tree.animation_data is not None:
@@ -126,7 +129,7 @@ def _may_be_brighter(light) -> bool:
     return bool(animation.drivers or animation.nla_tracks) or may_change_power(light)
 
 
-def _box_over(thing, matrices):
+def _box_over(thing: bpy.types.Object, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Low and high corners (f, 3) of an object's box at its places (f, 4, 4)."""
     corners = np.array(thing.bound_box)
     if thing.type == "MESH" and not has_rigid_box(thing) and len(thing.data.vertices):

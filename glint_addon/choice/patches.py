@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import bpy
 import numpy as np
 
 from ..animation.motion import has_rigid_box
 from ..animation.places import is_still, places
 from ..seen.coordinates import evaluated_mesh
 from ..seen.scene_views import SceneViews
-from ..seen.surface import Patches, surface_patches
+from ..seen.surface import PatchesOver, surface_patches
 
 LEAST_SCALING = 1e-3  # relative change of an object's size over an animation that makes its patches others
 
 
-def patches_over(scene, thing, views: SceneViews) -> list[tuple[Patches, float]] | None:
+def patches_over(scene: bpy.types.Scene, thing: bpy.types.Object, views: SceneViews) -> PatchesOver | None:
     """The patches of an object at each frame of `views`, with its largest ratio of scales; None if its shape or place
     may be any. Found once."""
     if thing not in views.surfaces:
@@ -21,10 +22,12 @@ def patches_over(scene, thing, views: SceneViews) -> list[tuple[Patches, float]]
     return views.surfaces[thing]
 
 
-def _patches_over(scene, thing, frames):
+def _patches_over(scene: bpy.types.Scene, thing: bpy.types.Object, frames: np.ndarray) -> PatchesOver | None:
     matrices = places(thing, frames) if has_rigid_box(thing) else None
+    if matrices is None:
+        return None
     depsgraph = next((layer.depsgraph for layer in scene.view_layers if layer.use), None)
-    mesh = evaluated_mesh(thing, depsgraph) if matrices is not None and depsgraph is not None else None
+    mesh = evaluated_mesh(thing, depsgraph) if depsgraph is not None else None
     if mesh is None:
         return None
     scales = np.linalg.svd(matrices[:, :3, :3], compute_uv=False)

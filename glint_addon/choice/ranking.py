@@ -5,6 +5,7 @@ Nothing here depends on the current frame, so that animation does not pop. What 
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from math import hypot, inf
 
@@ -38,7 +39,14 @@ class Choice:
     visits: int = LARGEST_VISIT
 
 
-def choose(found: list[Hint], values: list[float], reached=None, soft=frozenset(), *, negligible=NEGLIGIBLE) -> Choice:
+def choose(
+    found: list[Hint],
+    values: list[float],
+    reached: Collection[Hint] | None = None,
+    soft: Iterable[Hint] = frozenset(),
+    *,
+    negligible: float = NEGLIGIBLE,
+) -> Choice:
     """The hints to look for of those `found`, in their order, by their `values` from `noise_in_remainder`.
 
     reached: set of those that can be mirrored at all, None: all; soft: set of those that look too large to need it;

@@ -6,9 +6,11 @@ surface and all of an animation: a light whose half vectors stay clear of every 
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from math import inf
 
+import bpy
 import numpy as np
 
 from ..animation.curves import peak_value
@@ -16,15 +18,16 @@ from ..animation.motion import has_rigid_box
 from ..animation.places import is_still, places
 from ..lights.hint import Hint
 from ..lights.irradiance import irradiances
-from ..lights.kind import lamp_at
+from ..lights.kind import Local, lamp_at
 from ..lights.kinds import kind_of, may_change_cone, may_change_size
 from ..lights.softness import SOFT_HALF_ANGLE
 from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH
 from ..nodes.glint_lights import KIND_SUN
 from ..nodes.map_tables import MapTables
+from ..seen.cameras import CameraView
 from ..seen.scene_views import SceneViews
-from ..seen.surface import pixels_filled
-from .half_vectors import meeting
+from ..seen.surface import Patches, PatchesOver, pixels_filled
+from .half_vectors import Meeting, meeting
 from .patches import patches_over
 
 # Half-width of the selected region in alpha: REGION in osl/light_hint.h.
@@ -49,12 +52,12 @@ class Facets:
     alpha: float
 
 
-def facets_of(nodes) -> Facets | None:
+def facets_of(nodes: tuple[bpy.types.ShaderNode, ...]) -> Facets | None:
     """The facets of a material whose glints come from the group nodes `nodes`; None if they cannot be told."""
-    all_facets = [_facets(node) for node in nodes]
-    if None in all_facets or not all_facets:
+    known = [facets for facets in map(_facets, nodes) if facets is not None]
+    if len(known) < len(nodes) or not known:
         return None
-    return Facets(max(each.slope for each in all_facets), max(each.alpha for each in all_facets))
+    return Facets(max(each.slope for each in known), max(each.alpha for each in known))
 
 
 @dataclass(frozen=True)
@@ -68,14 +71,25 @@ class Judgement:
     is_soft: bool
 
 
-def judgements(scene, views: SceneViews | None, objects, facets: Facets | None, hints) -> dict[Hint, Judgement] | None:
+def judgements(
+    scene: bpy.types.Scene,
+    views: SceneViews | None,
+    objects: Collection[bpy.types.Object],
+    facets: Facets | None,
+    hints: Iterable[Hint],
+) -> dict[Hint, Judgement] | None:
     """What `facets` on the objects show of each of the hints, the largest of all objects; None if it cannot be told.
 
     Matrices must be current.
     """
-    surfaces = [patches_over(scene, thing, views) for thing in objects] if views and facets else [None]
-    if None in surfaces:
+    if views is None or facets is None:
         return None
+    surfaces = []
+    for thing in objects:
+        surface = patches_over(scene, thing, views)
+        if surface is None:
+            return None
+        surfaces.append(surface)
     judged = {}
     for hint in hints:
         each = [_judgement(hint, views, surface, facets) for surface in surfaces]
@@ -84,19 +98,20 @@ def judgements(scene, views: SceneViews | None, objects, facets: Facets | None, 
     return judged
 
 
-def _facets(node) -> Facets | None:
+def _facets(node: bpy.types.ShaderNode) -> Facets | None:
     group, roughness, strength = node.node_tree, node.inputs[ROUGHNESS.name], node.inputs[STRENGTH.name]
     is_animated, tables = node.id_data.animation_data is not None, MapTables.of(group)
-    if is_animated or roughness.is_linked or strength.is_linked or not tables.has_bounds:
+    low, high = tables.slope_low, tables.slope_high
+    if is_animated or roughness.is_linked or strength.is_linked or not tables.has_bounds or low is None or high is None:
         return None
-    bounds = np.abs([tables.slope_low, tables.slope_high]).max(axis=0)
+    bounds = np.abs([low, high]).max(axis=0)
     if not bounds.any():
         return None  # the shader does not know them either
     slope = abs(strength.default_value) * float(np.linalg.norm(bounds))
     return Facets(max(slope, FLATTEST), max(min(roughness.default_value, 1.0), LEAST_ROUGHNESS) ** 2)
 
 
-def _judgement(hint, views, moved, facets) -> Judgement:
+def _judgement(hint: Hint, views: SceneViews, moved: PatchesOver, facets: Facets) -> Judgement:
     """Judge a light on an object, whose patches at each frame are `moved`."""
     lamps = _lamps(hint, views.frames)
     if lamps is None:
@@ -122,7 +137,7 @@ def _judgement(hint, views, moved, facets) -> Judgement:
     return Judgement(reached, noise, is_soft)
 
 
-def _lamps(hint, frames) -> np.ndarray | None:
+def _lamps(hint: Hint, frames: np.ndarray) -> np.ndarray | None:
     """World matrices (f, 4, 4) of a light at each of the frames: for suns with the direction towards it as Z axis, for
     others with their middle as the place. None if that or how it shines cannot be told."""
     if hint.direction is not None and hint.live is None:
@@ -146,14 +161,17 @@ def _lamps(hint, frames) -> np.ndarray | None:
     return matrices
 
 
-def _noise(hint, matrix, view, patches, met, facets) -> np.ndarray:
+def _noise(
+    hint: Hint, matrix: np.ndarray, view: CameraView, patches: Patches, met: Meeting, facets: Facets
+) -> np.ndarray:
     """Standard deviations (n,), up to a common factor, that glints which are met by chance on each patch add to that of
     the picture of an object."""
     # One facet sends E / (solid angle of lobe and light); the chance to meet it is the density of facets at the half
     # vector times that angle. The density has a wider tail than a normal distribution: real maps have.
     steepness = np.tan(np.minimum(met.angle, STEEPEST)) / (facets.slope / DEVIATIONS)
     density = 1.0 / (1.0 + steepness**2) ** 2
-    power = hint.power if hint.object is None or hint.object.type != "LIGHT" else _patch_powers(hint, matrix, patches)
+    lamp = _lamp_of(hint)
+    power = hint.power if lamp is None else _patch_powers(lamp, matrix, patches)
     variance = density * (power / np.hypot(facets.alpha, met.blur)) ** 2 * (met.light_cosine > -np.sin(patches.spreads))
 
     pixels, is_in_picture = pixels_filled(view, patches)
@@ -161,28 +179,35 @@ def _noise(hint, matrix, view, patches, met, facets) -> np.ndarray:
     return np.sqrt(variance * pixels / max(pixels.sum(), 1e-30))
 
 
-def _is_soft(hint, matrix, patches, deviations) -> bool:
+def _is_soft(hint: Hint, matrix: np.ndarray, patches: Patches, deviations: np.ndarray) -> bool:
     """Whether nearly all of a light's noise is on patches where the light looks larger than SOFT_HALF_ANGLE."""
-    if hint.object is None or hint.object.type != "LIGHT" or hint.kind == KIND_SUN:
+    lamp = _lamp_of(hint)
+    kind = kind_of(lamp) if lamp is not None else None
+    if lamp is None or not isinstance(kind, Local):
         return False  # suns are as large everywhere, and of meshes only the bounds are known here
-    radius = np.sqrt(kind_of(hint.object).cross_section(lamp_at(hint.object, matrix)) / np.pi)
+    radius = np.sqrt(kind.cross_section(lamp_at(lamp, matrix)) / np.pi)
     is_far = np.linalg.norm(matrix[:3, 3] - patches.centres, axis=1) > radius / np.sin(SOFT_HALF_ANGLE)
     noise = float(np.linalg.norm(deviations))
     return noise > 0.0 and float(np.linalg.norm(deviations[is_far])) <= SMALL_NOISE * noise
 
 
-def _patch_powers(hint, matrix, patches, part=0.5) -> np.ndarray:
+def _lamp_of(hint: Hint) -> bpy.types.Object | None:
+    """The light object that a hint follows; None for the world, meshes and copies."""
+    return hint.object if hint.object is not None and hint.object.type == "LIGHT" else None
+
+
+def _patch_powers(lamp: bpy.types.Object, matrix: np.ndarray, patches: Patches, part: float = 0.5) -> np.ndarray:
     """Irradiance [W/m^2] of a light object on each patch, (n,); part: of the balls' radii that the patches fill."""
-    lamp = lamp_at(hint.object, matrix)
+    placed = lamp_at(lamp, matrix)
     half = part * patches.radii[:, None]
-    return irradiances(lamp, patches.centres - half, patches.centres + half, peak_value(lamp.data, "energy"))
+    return irradiances(placed, patches.centres - half, patches.centres + half, peak_value(lamp.data, "energy"))
 
 
-def _may_be_lit(hint, matrix, patches) -> np.ndarray:
+def _may_be_lit(hint: Hint, matrix: np.ndarray, patches: Patches) -> np.ndarray:
     """Whether some of each patch (n,) lies where the light can shine; all True if it is dark now or its cone moves."""
-    is_lamp = hint.object is not None and hint.object.type == "LIGHT"
-    if is_lamp and not may_change_cone(hint.object.data):
-        lit = _patch_powers(hint, matrix, patches, 1.0) > 0.0
+    lamp = _lamp_of(hint)
+    if lamp is not None and not may_change_cone(lamp.data):
+        lit = _patch_powers(lamp, matrix, patches, 1.0) > 0.0
         if lit.any():
             return lit
     return np.ones(len(patches.centres), bool)

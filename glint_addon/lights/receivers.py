@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bpy
 import numpy as np
 
 from ..animation.motion import copies_others, has_fixed_box
@@ -10,6 +11,9 @@ from ..materials.worn import worn_materials
 from ..nodes.glint_bsdf import is_glint_group
 
 MOST_COPIES = 64  # of an object: lights are ranked by its places, and further copies are near those
+
+# World matrices, (4, 4) each, of objects that have copies.
+CopiedPlaces = dict[bpy.types.Object, list[np.ndarray]]
 
 
 def glint_objects(objects, layers) -> list:
@@ -36,7 +40,7 @@ def are_still(receivers, scene) -> bool:
     return fixed and not any(copies_others(thing) for thing in scene.objects)
 
 
-def copied_places(scene, layers) -> dict:
+def copied_places(scene, layers) -> CopiedPlaces:
     """World matrices {object: [(4, 4), ...]} of all objects of which the view layers show copies, at the present frame;
     also of the object itself where it is in the scene, and of a part of its copies where they are many."""
     if not any(copies_others(thing) for thing in scene.objects):
