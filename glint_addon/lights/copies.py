@@ -24,12 +24,13 @@ class Copy:
     number: tuple[int, ...]
 
 
-def copies(layers, shown) -> dict[Copy, Matrix]:
+def copies(layers: list[bpy.types.ViewLayer], shown: list[bpy.types.Object]) -> dict[Copy, Matrix]:
     """World matrices of all copies by the objects `shown` in the view layers, but for those that `is_plain`.
 
     Copies that are hidden in the viewport are missing, because Blender evaluates them only while it renders.
     """
-    parents, found = set(shown), {}
+    parents = set(shown)
+    found: dict[Copy, Matrix] = {}
     for layer in layers:
         for entry in layer.depsgraph.object_instances:
             if entry.is_instance and entry.show_self and entry.parent.original in parents:
@@ -41,14 +42,19 @@ def copies(layers, shown) -> dict[Copy, Matrix]:
     return found
 
 
-def matrices_over(scene, layers, shown, wanted: Callable) -> dict[Copy, dict[int, Matrix | None]]:
+def matrices_over(
+    scene: bpy.types.Scene,
+    layers: list[bpy.types.ViewLayer],
+    shown: list[bpy.types.Object],
+    wanted: Callable[[bpy.types.Object], bool],
+) -> dict[Copy, dict[int, Matrix | None]]:
     """World matrices by frame of the copies whose source is `wanted`, over the frames of `scene`; None while not shown.
 
     Sets every frame, and the present one again.
     """
     present, subframe = scene.frame_current, scene.frame_subframe
     frames = range(scene.frame_start, scene.frame_end + 1)
-    over = {}
+    over: dict[Copy, dict[int, Matrix | None]] = {}
     try:
         for frame in frames:
             scene.frame_set(frame)
@@ -77,12 +83,12 @@ def may_move(copy: Copy) -> bool:
     return shapes is not None or any(modifier.type != "NODES" or _modifier_may_move(modifier) for modifier in modifiers)
 
 
-def _is_plain(copy) -> bool:
+def _is_plain(copy: Copy) -> bool:
     """Whether the copy is an object of the collection that its parent instances, of no collection within that."""
     return copy.parent.instance_type == "COLLECTION" and len(copy.number) == 1
 
 
-def _nested(collection, found: set) -> set:
+def _nested(collection: bpy.types.Collection, found: set[bpy.types.Object]) -> set[bpy.types.Object]:
     """Objects of a collection and of those that its objects instance."""
     for thing in set(collection.all_objects) - found:
         found.add(thing)
@@ -91,14 +97,14 @@ def _nested(collection, found: set) -> set:
     return found
 
 
-def _modifier_may_move(modifier) -> bool:
+def _modifier_may_move(modifier: bpy.types.Modifier) -> bool:
     inputs = modifier.properties.inputs
     known = [entry.identifier for entry in inputs.bl_rna.properties if entry.identifier.startswith("Socket_")]
     values = [getattr(getattr(inputs, name), "value", None) for name in known]
     return any(_input_may_move(value) for value in values) or _tree_may_move(modifier.node_group, set())
 
 
-def _tree_may_move(tree, seen: set) -> bool:
+def _tree_may_move(tree: bpy.types.NodeTree | None, seen: set[bpy.types.NodeTree]) -> bool:
     if tree is None or tree in seen:
         return False
     seen.add(tree)
@@ -111,7 +117,7 @@ def _tree_may_move(tree, seen: set) -> bool:
     )
 
 
-def _input_may_move(value) -> bool:
+def _input_may_move(value: object) -> bool:
     """Whether what a node or modifier takes in moves: an object, or a collection of them."""
     if isinstance(value, bpy.types.Collection):
         return not all(is_fixed(thing) for thing in value.all_objects)

@@ -7,8 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
+from typing import Any
 
+import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ..animation.motion import KEEPS_THE_BOX, is_fixed, keeps_its_shape
 from ..materials.worn import worn_materials
@@ -17,7 +20,7 @@ from .emission import sampled_radiance
 from .hint import Ball, Hint
 from .irradiance import NEAREST
 from .reasons import INVISIBLE, reason_here
-from .receivers import are_still, lit_objects, world_bounds
+from .receivers import Bounds, are_still, lit_objects, world_bounds
 from .softness import SOFT_HALF_ANGLE, TOO_SOFT, least_half_angle
 
 EMITTERS = {"MESH", "CURVE", "FONT", "SURFACE"}
@@ -37,14 +40,22 @@ class Shine:
     radiance: float
 
 
-def mesh_emitters(scene, layers, rendered, receivers, bounds) -> tuple[list[Hint], list[tuple[str, str]]]:
+def mesh_emitters(
+    scene: bpy.types.Scene,
+    layers: list[bpy.types.ViewLayer],
+    rendered: set[bpy.types.Object],
+    receivers: list[bpy.types.Object],
+    bounds: Bounds,
+) -> tuple[list[Hint], list[tuple[str, str]]]:
     """Hints for the emissive objects of `scene`, and those skipped as (name, reason in words).
 
     rendered: objects in collections that `layers` render; receivers: objects with glints; bounds: their boxes, or
     others' where there are none. Matrices must be current.
     """
     is_still = are_still(receivers, scene)
-    hints, skipped, known = [], [], {}
+    hints: list[Hint] = []
+    skipped: list[tuple[str, str]] = []
+    known: dict[bpy.types.Material, float] = {}
     for thing in scene.objects:
         if not shines(thing, layers, known):
             continue
@@ -63,7 +74,7 @@ def mesh_emitters(scene, layers, rendered, receivers, bounds) -> tuple[list[Hint
     return hints, skipped
 
 
-def shines(thing, layers, known: dict) -> bool:
+def shines(thing: bpy.types.Object, layers: list[bpy.types.ViewLayer], known: dict[bpy.types.Material, float]) -> bool:
     """Whether Cycles samples an object as a light; `known` remembers each material's radiance."""
     materials = worn_materials(thing, layers) if thing.type in EMITTERS else []
     for material in materials:
@@ -72,14 +83,16 @@ def shines(thing, layers, known: dict) -> bool:
     return any(known[material] > 0.0 for material in materials)
 
 
-def reason_to_skip(thing) -> str:
+def reason_to_skip(thing: bpy.types.Object) -> str:
     """Why an emissive object needs no hint wherever it is, in words, or an empty string."""
     if not thing.visible_glossy:
         return INVISIBLE
     return "" if _keeps_its_shape(thing) else DEFORMS
 
 
-def shine(thing, layers, known) -> Shine | None:
+def shine(
+    thing: bpy.types.Object, layers: list[bpy.types.ViewLayer], known: dict[bpy.types.Material, float]
+) -> Shine | None:
     """The faces of an object that shine, None if there are none in the view layers."""
     depsgraph = next((layer.depsgraph for layer in layers if thing.name in layer.objects), layers[0].depsgraph)
     evaluated = thing.evaluated_get(depsgraph)
@@ -92,7 +105,7 @@ def shine(thing, layers, known) -> Shine | None:
         evaluated.to_mesh_clear()
 
 
-def mesh_hint(name, matrix, found: Shine, boxes, **where) -> Hint:
+def mesh_hint(name: str, matrix: Matrix, found: Shine, boxes: Bounds, **where: Any) -> Hint:
     """The hint of an object with emissive faces whose world matrix is `matrix`; where: its object or instance."""
     scale = _largest_scale(matrix)
     size = found.ball.radius * scale
@@ -104,7 +117,7 @@ def mesh_hint(name, matrix, found: Shine, boxes, **where) -> Hint:
     return Hint(name, KIND_LOCAL, power, size, ball=found.ball, **where)
 
 
-def _keeps_its_shape(thing) -> bool:
+def _keeps_its_shape(thing: bpy.types.Object) -> bool:
     """Whether the object's faces stay where they are in its own space, as far as can be told."""
     if all(modifier.type in KEEPS_THE_BOX for modifier in thing.modifiers):
         return keeps_its_shape(thing)
@@ -112,7 +125,7 @@ def _keeps_its_shape(thing) -> bool:
     return animation is None and all(modifier.type in MAKES_THE_SAME for modifier in thing.modifiers)
 
 
-def _shine(thing, mesh, known) -> Shine | None:
+def _shine(thing: bpy.types.Object, mesh: bpy.types.Mesh, known: dict[bpy.types.Material, float]) -> Shine | None:
     # Find the faces that shine.
     values = np.array([known[slot.material] for slot in thing.material_slots])
     faces = len(mesh.polygons)
@@ -135,20 +148,21 @@ def _shine(thing, mesh, known) -> Shine | None:
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     radius = float(np.linalg.norm(points - middle, axis=1).max())
     area = float(areas[radiances > 0.0].sum())
-    return Shine(Ball(tuple(middle.tolist()), radius), area, power / area)
+    x, y, z = middle.tolist()
+    return Shine(Ball((x, y, z), radius), area, power / area)
 
 
-def _cross_section(found: Shine, scale) -> float:
+def _cross_section(found: Shine, scale: float) -> float:
     """Area [m^2] that the faces show from afar: half of a thin sheet's, which has one side for each, and never more
     than the disk of their ball, which is a ball's."""
     return min(found.area / 2, pi * found.ball.radius**2) * scale**2
 
 
-def _is_soft(hint, matrix, found, boxes) -> bool:
+def _is_soft(hint: Hint, matrix: Matrix, found: Shine, boxes: Bounds) -> bool:
     section = _cross_section(found, _largest_scale(matrix))
     return least_half_angle(np.array(hint.middle(matrix)), section, *boxes) > SOFT_HALF_ANGLE
 
 
-def _largest_scale(matrix) -> float:
+def _largest_scale(matrix: Matrix) -> float:
     """As the driver has it (`DrivenMatrix.largest_scale`)."""
     return sqrt(max(matrix.col[axis].to_3d().length_squared for axis in range(3)))

@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import bpy
+import numpy as np
 from mathutils import Matrix, Vector
 
 from ..nodes.driven import Driven, Keyed
+
+# Numbers that stand still, that drivers follow, or that have keys.
+Numbers = tuple[Driven | Keyed | float, ...]
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,7 @@ class Hint:
     size: float
     object: bpy.types.Object | None = None
     direction: tuple[float, float, float] | None = None
-    live: tuple[Driven | Keyed | float, ...] | None = None
+    live: Numbers | None = None
     instance: Instance | None = None
     ball: Ball | None = None
 
@@ -73,6 +77,7 @@ class Hint:
         library = self.object.library if self.object else None
         return self.name, library.filepath if library else ""
 
-    def middle(self, matrix) -> tuple[float, float, float]:
+    def middle(self, matrix: Matrix | np.ndarray) -> tuple[float, float, float]:
         """Middle of the light in world space [m] for the world matrix `matrix` of its object."""
-        return tuple(Matrix(matrix) @ Vector(self.ball.centre if self.ball else (0.0, 0.0, 0.0)))
+        x, y, z = Matrix(matrix) @ Vector(self.ball.centre if self.ball else (0.0, 0.0, 0.0))
+        return x, y, z

@@ -12,11 +12,11 @@ from .emitters import mesh_emitters
 from .hint import Hint
 from .instances import instance_hints
 from .lamps import lamp_hints
-from .receivers import glint_objects, world_bounds
+from .receivers import Bounds, CopiedPlaces, glint_objects, world_bounds
 from .world.hints import world_hints
 
 
-def rendered_layers(scene, *, update=True) -> list[bpy.types.ViewLayer]:
+def rendered_layers(scene: bpy.types.Scene, *, update: bool = True) -> list[bpy.types.ViewLayer]:
     """The view layers of `scene` that are switched on for rendering.
 
     update: bring them up to date, for matrices, and for the collections of a scene never shown.
@@ -27,7 +27,9 @@ def rendered_layers(scene, *, update=True) -> list[bpy.types.ViewLayer]:
     return layers
 
 
-def scene_candidates(scene, layers, copied) -> tuple[list[Hint], list[tuple[str, str]]]:
+def scene_candidates(
+    scene: bpy.types.Scene, layers: list[bpy.types.ViewLayer], copied: CopiedPlaces
+) -> tuple[list[Hint], list[tuple[str, str]]]:
     """`candidates` for all objects with glints that the view layers `layers` of `scene`, up to date, render.
 
     copied: `receivers.copied_places` of these layers.
@@ -38,7 +40,9 @@ def scene_candidates(scene, layers, copied) -> tuple[list[Hint], list[tuple[str,
     return candidates(scene, layers, receivers, bounds)
 
 
-def candidates(scene, layers, receivers, bounds) -> tuple[list[Hint], list[tuple[str, str]]]:
+def candidates(
+    scene: bpy.types.Scene, layers: list[bpy.types.ViewLayer], receivers: list[bpy.types.Object], bounds: Bounds
+) -> tuple[list[Hint], list[tuple[str, str]]]:
     """Every light of `scene` worth a hint, by name, and the others as (name, reason in words).
 
     layers: the view layers that count, which must be up to date; receivers: objects with glints; bounds: low and high
@@ -53,22 +57,22 @@ def candidates(scene, layers, receivers, bounds) -> tuple[list[Hint], list[tuple
         skipped + dark + hidden + unseen)
 
 
-def shown_objects(layers) -> list[bpy.types.Object]:
+def shown_objects(layers: list[bpy.types.ViewLayer]) -> list[bpy.types.Object]:
     """Objects that at least one of the view layers renders, at some frame, by name."""
     rendered = (thing for thing in rendered_objects(layers)
                 if not thing.hide_render or is_animated(thing, "hide_render"))
     return sorted(rendered, key=lambda thing: thing.name_full)
 
 
-def rendered_objects(layers) -> set[bpy.types.Object]:
+def rendered_objects(layers: list[bpy.types.ViewLayer]) -> set[bpy.types.Object]:
     """Objects in collections that at least one of the view layers renders, whatever their own visibility."""
-    found = set()
+    found: set[bpy.types.Object] = set()
     for layer in layers:
         _collect(layer.layer_collection, found)
     return found
 
 
-def _collect(layer_collection, found):
+def _collect(layer_collection: bpy.types.LayerCollection, found: set[bpy.types.Object]) -> None:
     # A collection disabled in renders hides its children too; an excluded one does not.
     if layer_collection.collection.hide_render:
         return

@@ -14,7 +14,7 @@ WITHOUT_PROFILE = 100.0
 WATTS = 4 * pi / 177.83
 
 
-def peak_strength(node) -> float:
+def peak_strength(node: bpy.types.ShaderNode) -> float:
     """Largest factor of an IES Texture node whose Strength is 1."""
     try:
         return _largest(_text(node))
@@ -22,7 +22,7 @@ def peak_strength(node) -> float:
         return WITHOUT_PROFILE
 
 
-def _text(node) -> str:
+def _text(node: bpy.types.ShaderNode) -> str:
     """The profile's text. Raises OSError if its file cannot be read."""
     if node.mode == "INTERNAL":
         return node.ies.as_string() if node.ies else ""
@@ -31,7 +31,7 @@ def _text(node) -> str:
 
 
 @lru_cache(maxsize=64)
-def _largest(text) -> float:
+def _largest(text: str) -> float:
     """Largest value of a profile [W]. Raises ValueError if the text is no profile."""
     _, mark, rest = text.replace(",", " ").partition("\nTILT=")
     kind, _, rest = rest.partition("\n")

@@ -8,33 +8,40 @@ when these change.
 
 from __future__ import annotations
 
+import bpy
 from mathutils import Matrix
 
 from ..animation.curves import is_animated
 from ..nodes.glint_lights import KIND_SUN
 from .copies import Copy, copies, matrices_over, may_move
-from .emitters import mesh_hint, shine, shines
+from .emitters import Shine, mesh_hint, shine, shines
 from .emitters import reason_to_skip as reason_to_skip_mesh
 from .hint import Hint, Instance, Pose
 from .kind import lamp_at
 from .lamps import lamp_hint
 from .lamps import reason_to_skip as reason_to_skip_lamp
 from .reasons import INVISIBLE, UNLINKED
-from .receivers import lit_objects, world_bounds
+from .receivers import Bounds, lit_objects, world_bounds
 
 
 class _Finder:
     """Hints of copies; each source is judged once, whatever the number of its copies."""
 
-    def __init__(self, layers, receivers, bounds):
+    def __init__(self, layers: list[bpy.types.ViewLayer], receivers: list[bpy.types.Object], bounds: Bounds) -> None:
         self.layers, self.receivers, self.bounds = layers, receivers, bounds
-        self.radiances, self.reasons, self.shines, self.boxes = {}, {}, {}, {}
-        self.hints, self.skipped = [], []
+        self.radiances: dict[bpy.types.Material, float] = {}
+        self.reasons: dict[bpy.types.Object, str] = {}
+        self.shines: dict[bpy.types.Object, Shine | None] = {}
+        self.boxes: dict[bpy.types.Object, Bounds] = {}
+        self.hints: list[Hint] = []
+        self.skipped: list[tuple[str, str]] = []
 
-    def is_light(self, thing) -> bool:
+    def is_light(self, thing: bpy.types.Object) -> bool:
         return thing.type == "LIGHT" or shines(thing, self.layers, self.radiances)
 
-    def add(self, name, source, shower, matrix, instance):
+    def add(
+        self, name: str, source: bpy.types.Object, shower: bpy.types.Object, matrix: Matrix, instance: Instance
+    ) -> None:
         """Judge the copy of `source` that object `shower` shows at `matrix`; note its hint or the reason for none."""
         reason = self._reason(source) or ("" if shower.visible_glossy else INVISIBLE)
         if reason:
@@ -48,18 +55,21 @@ class _Finder:
         if found is not None:
             self.hints.append(mesh_hint(name, matrix, found, boxes, instance=instance))
 
-    def pose(self, source, frame, matrix: Matrix | None) -> Pose:
+    def pose(self, source: bpy.types.Object, frame: int, matrix: Matrix | None) -> Pose:
         """Where a copy of `source` is at a frame, None for a matrix if it is not shown then."""
-        if matrix is None or self._reason(source) or source.type != "LIGHT" and self.shines[source] is None:
+        if matrix is None or self._reason(source):
             return Pose(frame, None, 0.0)
-        if source.type != "LIGHT":
-            hint = mesh_hint("", matrix, self.shines[source], self.boxes[source])
-            return Pose(frame, hint.middle(matrix), hint.size)
-        hint = lamp_hint("", lamp_at(source, matrix), self.boxes[source])
-        place = matrix.col[2].to_3d().normalized() if hint.kind == KIND_SUN else matrix.translation
-        return Pose(frame, tuple(place), hint.size)
+        if source.type == "LIGHT":
+            hint = lamp_hint("", lamp_at(source, matrix), self.boxes[source])
+            x, y, z = matrix.col[2].to_3d().normalized() if hint.kind == KIND_SUN else matrix.translation
+            return Pose(frame, (x, y, z), hint.size)
+        found = self.shines[source]
+        if found is None:
+            return Pose(frame, None, 0.0)
+        hint = mesh_hint("", matrix, found, self.boxes[source])
+        return Pose(frame, hint.middle(matrix), hint.size)
 
-    def _reason(self, source) -> str:
+    def _reason(self, source: bpy.types.Object) -> str:
         if source not in self.reasons:
             lit = lit_objects(source, self.receivers)
             self.boxes[source] = self.bounds if len(lit) == len(self.receivers) else world_bounds(lit)
@@ -73,7 +83,13 @@ class _Finder:
         return self.reasons[source]
 
 
-def instance_hints(scene, layers, shown, receivers, bounds) -> tuple[list[Hint], list[tuple[str, str]]]:
+def instance_hints(
+    scene: bpy.types.Scene,
+    layers: list[bpy.types.ViewLayer],
+    shown: list[bpy.types.Object],
+    receivers: list[bpy.types.Object],
+    bounds: Bounds,
+) -> tuple[list[Hint], list[tuple[str, str]]]:
     """Hints for the copies of lights in `scene`, named "light in what shows it", and those skipped with the reason.
 
     shown: objects that `layers` render; receivers: objects with glints; bounds: their boxes, or others' where there are
@@ -101,7 +117,7 @@ def instance_hints(scene, layers, shown, receivers, bounds) -> tuple[list[Hint],
     return finder.hints, finder.skipped
 
 
-def rendered_members(collection) -> set:
+def rendered_members(collection: bpy.types.Collection) -> set[bpy.types.Object]:
     """Objects that an instance of `collection` shows in renders."""
     if collection.hide_render:
         return set()
@@ -112,7 +128,8 @@ def rendered_members(collection) -> set:
 def _named(found: set[Copy]) -> list[tuple[str, Copy]]:
     """Copies with names of their own, in an order that is the same at every frame."""
     ordered = sorted(found, key=lambda copy: (copy.source.name_full, copy.parent.name_full, copy.number))
-    counts, named = {}, []
+    counts: dict[str, int] = {}
+    named = []
     for copy in ordered:
         name = f"{copy.source.name} in {copy.parent.name}"
         counts[name] = counts.get(name, 0) + 1

@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import bpy
+import numpy as np
 from mathutils import Matrix
 
 from ..nodes.driven import Driven
@@ -23,7 +24,10 @@ class PlacedLamp:
     matrix_world: Matrix
 
 
-def lamp_at(lamp, matrix) -> PlacedLamp:
+type Lamp = bpy.types.Object | PlacedLamp
+
+
+def lamp_at(lamp: bpy.types.Object, matrix: Matrix | np.ndarray) -> PlacedLamp:
     """Light object `lamp` where its world matrix is `matrix`, (4, 4)."""
     return PlacedLamp(lamp.data, Matrix(matrix))
 
@@ -43,7 +47,7 @@ class Kind(ABC):
     powers: tuple[str, ...] = ("color", "exposure", "temperature")
 
     @abstractmethod
-    def size(self, lamp) -> float:
+    def size(self, lamp: Lamp) -> float:
         """Half-angle of a sun; bounding radius of any other light."""
 
     @abstractmethod
@@ -51,18 +55,18 @@ class Kind(ABC):
         """`size` of the light object that `matrix` is of."""
 
     @abstractmethod
-    def extent(self, lamp) -> float:
+    def extent(self, lamp: Lamp) -> float:
         """Area [m^2] of the surface; of a sun its projected solid angle [sr]."""
 
-    def cone(self, _lamp) -> float | None:
+    def cone(self, _lamp: Lamp) -> float | None:
         """Half-angle of the cone around -Z in which each point of the light shines, None if it shines all around."""
         return None
 
-    def driven_cone(self, _lamp) -> Driven | None:
+    def driven_cone(self, _lamp: Lamp) -> Driven | None:
         """`cone` of a light object, as it is without the copies that an instance of its collection shows."""
         return None
 
-    def reason_to_skip(self, _light) -> str:
+    def reason_to_skip(self, _light: bpy.types.Light) -> str:
         """Why a light of this kind needs no hint wherever it is, in words, or an empty string."""
         return ""
 
@@ -77,9 +81,9 @@ class Local(Kind):
     scales_cone = False
 
     @abstractmethod
-    def cross_section(self, lamp) -> float:
+    def cross_section(self, lamp: Lamp) -> float:
         """Area [m^2] that the light shows from afar, from its front if it has one."""
 
     @abstractmethod
-    def spread_out(self, lamp, distance):
+    def spread_out(self, lamp: Lamp, distance: np.ndarray) -> np.ndarray:
         """Area [m^2] over which all its light is spread at `distance` (n,), in the middle of where it shines."""

@@ -5,6 +5,7 @@ A node inside groups is named by its socket and `groups`, the group nodes around
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import bpy
@@ -13,6 +14,10 @@ from ..animation.curves import is_animated, peak_value
 from ..nodes.driven import Variable
 
 COMBINED = {"X": 0, "Y": 1, "Z": 2}
+
+
+# The group nodes around a node, outermost first.
+Groups = tuple[bpy.types.ShaderNode, ...]
 
 
 @dataclass(frozen=True)
@@ -30,7 +35,7 @@ class Number:
     path: str
 
 
-def source(socket, groups=()):
+def source(socket: bpy.types.NodeSocket | None, groups: Groups = ()) -> tuple[bpy.types.NodeSocket | None, Groups]:
     """The source of input `socket`: (output of a node, groups), or (unlinked input that holds the value, groups).
 
     (None, groups) where a muted node lets nothing through, or a group has lost its output or its input.
@@ -43,7 +48,7 @@ def source(socket, groups=()):
     return socket, groups
 
 
-def _through(output, groups):
+def _through(output: bpy.types.NodeSocket, groups: Groups) -> tuple[bpy.types.NodeSocket | None, Groups]:
     """`output` itself, or the input whose value it passes on, with that one's groups."""
     node = output.node
     if node.mute:
@@ -58,11 +63,13 @@ def _through(output, groups):
     return output, groups
 
 
-def _same(sockets, socket):
+def _same(sockets: Iterable[bpy.types.NodeSocket], socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
     return next((other for other in sockets if other.identifier == socket.identifier), None)
 
 
-def number(holder, socket, groups=(), axis=None) -> Number | None:
+def number(
+    holder: bpy.types.ID, socket: bpy.types.NodeSocket, groups: Groups = (), axis: int | None = None
+) -> Number | None:
     """The number at a socket (component `axis`, 0 to 2, of a vector), or None where only Cycles computes it.
 
     holder: the data-block whose own node tree the nodes outside of groups are in.
@@ -77,7 +84,7 @@ def number(holder, socket, groups=(), axis=None) -> Number | None:
     return _number_at(holder, end.id_data, end.path_from_id("default_value"), axis if is_vector else None)
 
 
-def _number_at(holder, tree, path: str, axis=None) -> Number:
+def _number_at(holder: bpy.types.ID, tree: bpy.types.NodeTree, path: str, axis: int | None = None) -> Number:
     index = axis or 0
     value = tree.path_resolve(path)
     owner, prefix = (holder, "node_tree.") if tree == holder.node_tree else (tree, "")

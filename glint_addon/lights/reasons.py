@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import bpy
+
 from ..animation.curves import is_animated
 
 INVISIBLE = "not visible to glossy rays"
 UNLINKED = "light linking excludes every object with glints"
 
 
-def reason_here(thing, in_rendered_collection: bool, lights_receivers: bool) -> str:
+def reason_here(thing: bpy.types.Object, in_rendered_collection: bool, lights_receivers: bool) -> str:
     """Why a light object, or an emissive one, needs no hint where it is, in words, or an empty string."""
     checks = (
         (not in_rendered_collection, "its collections are hidden in renders or excluded from the view layer"),
@@ -19,5 +21,5 @@ def reason_here(thing, in_rendered_collection: bool, lights_receivers: bool) -> 
     return next((reason for applies, reason in checks if applies), "")
 
 
-def _instances_children(parent) -> bool:
+def _instances_children(parent: bpy.types.Object | None) -> bool:
     return parent is not None and parent.instance_type in {"VERTS", "FACES"}

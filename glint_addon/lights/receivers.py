@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ..animation.motion import copies_others, has_fixed_box
 from ..materials.find import held_groups
@@ -14,11 +17,13 @@ MOST_COPIES = 64  # of an object: lights are ranked by its places, and further c
 
 # World matrices, (4, 4) each, of objects that have copies.
 CopiedPlaces = dict[bpy.types.Object, list[np.ndarray]]
+# Low and high corners, (n, 3) each, of boxes in world space, in metres.
+Bounds = tuple[np.ndarray, np.ndarray]
 
 
-def glint_objects(objects, layers) -> list:
+def glint_objects(objects: Iterable[bpy.types.Object], layers: list[bpy.types.ViewLayer]) -> list[bpy.types.Object]:
     """Those of `objects` that show, in the view layers, a material with a Glint BSDF group, at any depth."""
-    known = {}
+    known: dict[bpy.types.Material, bool] = {}
     return [
         thing
         for thing in objects
@@ -26,26 +31,27 @@ def glint_objects(objects, layers) -> list:
     ]
 
 
-def _shows_glints(material, known) -> bool:
+def _shows_glints(material: bpy.types.Material, known: dict[bpy.types.Material, bool]) -> bool:
     """Whether a material holds a Glint BSDF group, also one without a map; `known` remembers the materials seen."""
     if material not in known:
         known[material] = any(map(is_glint_group, held_groups(material.node_tree)))
     return known[material]
 
 
-def are_still(receivers, scene) -> bool:
+def are_still(receivers: list[bpy.types.Object], scene: bpy.types.Scene) -> bool:
     """Whether what lamps miss now they miss at every frame: the boxes of `receivers`, which are some, stay where they
     are, and nothing in `scene` may show copies elsewhere."""
     fixed = bool(receivers) and all(has_fixed_box(thing) for thing in receivers)
     return fixed and not any(copies_others(thing) for thing in scene.objects)
 
 
-def copied_places(scene, layers) -> CopiedPlaces:
+def copied_places(scene: bpy.types.Scene, layers: list[bpy.types.ViewLayer]) -> CopiedPlaces:
     """World matrices {object: [(4, 4), ...]} of all objects of which the view layers show copies, at the present frame;
     also of the object itself where it is in the scene, and of a part of its copies where they are many."""
     if not any(copies_others(thing) for thing in scene.objects):
         return {}
-    own, found = set(scene.objects), {}
+    own = set(scene.objects)
+    found: dict[bpy.types.Object, list[Matrix]] = {}
     for layer in layers:
         for entry in layer.depsgraph.object_instances:
             if entry.is_instance and entry.show_self:
@@ -56,7 +62,7 @@ def copied_places(scene, layers) -> CopiedPlaces:
             for thing, matrices in found.items()}
 
 
-def world_bounds(objects, copied=None) -> tuple[np.ndarray, np.ndarray]:
+def world_bounds(objects: list[bpy.types.Object], copied: CopiedPlaces | None = None) -> Bounds:
     """Low and high corners, (n, 3) each, of the objects' boxes in world space, in metres; the origin for no objects.
 
     copied: `copied_places` of those that have copies.
@@ -70,7 +76,7 @@ def world_bounds(objects, copied=None) -> tuple[np.ndarray, np.ndarray]:
     return world.min(axis=1), world.max(axis=1)
 
 
-def lit_objects(lamp, objects) -> list:
+def lit_objects(lamp: bpy.types.Object, objects: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
     """Those of `objects` that light linking lets light object `lamp` shine on.
 
     A receiver collection with included members lights only those; one with excluded members alone lights all others.
@@ -78,7 +84,7 @@ def lit_objects(lamp, objects) -> list:
     receivers = lamp.light_linking.receiver_collection
     if receivers is None:
         return list(objects)
-    states = {}
+    states: dict[bpy.types.Object, str] = {}
     for entry, child in zip(receivers.collection_children, receivers.children, strict=True):
         states.update(dict.fromkeys(child.all_objects, entry.light_linking.link_state))
     for entry, thing in zip(receivers.collection_objects, receivers.objects, strict=True):

@@ -6,6 +6,8 @@ within no scene's shutter has none of these nodes.
 
 from __future__ import annotations
 
+import bpy
+
 from ..errors import SceneError
 from ..nodes import builder
 from ..nodes.driven import write_number
@@ -18,7 +20,7 @@ SHADER = "shutter_time.osl"
 STILL = (0.0, 0.0, 0.0)
 
 
-def read_ways(group) -> None:
+def read_ways(group: bpy.types.ShaderNodeTree) -> None:
     """Let each light of the group move by what the scene being rendered says, where any scene has it move.
 
     Numbers that are right already are not written. Raises SceneError if the group lacks a node.
@@ -34,30 +36,30 @@ def read_ways(group) -> None:
         group.nodes.remove(group.nodes[TIME])
 
 
-def _shift_name(slot):
+def _shift_name(slot: int) -> str:
     return f"Shift {slot}"
 
 
-def _reach_name(slot):
+def _reach_name(slot: int) -> str:
     return f"Reach {slot}"
 
 
-def _shifted_name(slot):
+def _shifted_name(slot: int) -> str:
     return f"Shifted {slot}"
 
 
-def _moved_name(slot):
+def _moved_name(slot: int) -> str:
     return f"Moved {slot}"
 
 
-def _node(group, name):
+def _node(group: bpy.types.ShaderNodeTree, name: str) -> bpy.types.Node:
     node = group.nodes.get(name)
     if node is None:
         raise SceneError(f'Node group "{group.name}" has lost its node "{name}": delete the group, prepare again.')
     return node
 
 
-def _add_nodes(group, slot):
+def _add_nodes(group: bpy.types.ShaderNodeTree, slot: int) -> None:
     light = _node(group, light_name(slot)).outputs["Vector"]
     ends = [link.to_socket for link in light.links]
     shift, reach = (builder.add_node(group, "ShaderNodeCombineXYZ", name(slot)) for name in (_shift_name, _reach_name))
@@ -73,7 +75,7 @@ def _add_nodes(group, slot):
     builder.arrange(group)
 
 
-def _remove_nodes(group, slot):
+def _remove_nodes(group: bpy.types.ShaderNodeTree, slot: int) -> None:
     light = _node(group, light_name(slot)).outputs["Vector"]
     for link in list(_node(group, _moved_name(slot)).outputs["Vector"].links):
         group.links.new(light, link.to_socket)
@@ -85,7 +87,7 @@ def _remove_nodes(group, slot):
     builder.arrange(group)
 
 
-def _time(group):
+def _time(group: bpy.types.ShaderNodeTree) -> bpy.types.NodeSocket | None:
     """Output of the group's Script node, made if there is none; None where Blender has no OSL."""
     node = group.nodes.get(TIME)
     if node is None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from math import asin, pi, radians, sqrt
 
 import numpy as np
+from mathutils import Vector
 
 # A sun of this half-angle moves the half vector by half of it, 7.5 degrees, as much as the texels of most normal maps
 # do: a normal drawn at random mirrors such a sun so often that the picture has little noise without a hint:
@@ -17,7 +18,7 @@ SOFT_HALF_ANGLE = radians(15.0)
 TOO_SOFT = "so large, as all glints see it, that plain sampling is already smooth"
 
 
-def least_half_angle(position, cross_section: float, low: np.ndarray, high: np.ndarray) -> float:
+def least_half_angle(position: np.ndarray | Vector, cross_section: float, low: np.ndarray, high: np.ndarray) -> float:
     """Half-angle [rad] of a disk as large as the light looks, from the corner of boxes furthest from it.
 
     position: of the light, and low, high: (n, 3), corners of the boxes, in world space [m]; cross_section [m^2]: area

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from ..node_numbers import number, source
+import bpy
+
+from ..node_numbers import Groups, number, source
+from .textures import Texture
 from .trigonometry import Angles, Sum, negative, turned
 
 # A shift or a stretch below it moves a spot by less than a hundredth of a sun's width.
@@ -16,7 +19,7 @@ class UnreadableMappingError(Exception):
     """A texture's coordinates cannot be followed; the text says why."""
 
 
-def in_world(world, texture, vector: list[Sum], angles: Angles) -> list[Sum]:
+def in_world(world: bpy.types.World, texture: Texture, vector: list[Sum], angles: Angles) -> list[Sum]:
     """The direction in world space in which `texture` shows its point `vector`, a unit direction in its own space.
 
     Raises UnreadableMappingError.
@@ -38,16 +41,21 @@ def in_world(world, texture, vector: list[Sum], angles: Angles) -> list[Sum]:
         socket = end.node.inputs["Vector"]
 
 
-def _unmapped(world, mapping, groups, vector, angles) -> list[Sum]:
+def _unmapped(
+    world: bpy.types.World, mapping: bpy.types.ShaderNode, groups: Groups, vector: list[Sum], angles: Angles
+) -> list[Sum]:
     """The vector from which a Mapping node makes `vector`.
 
     Cycles (kernel/svm/mapping_util.h), with a rotation R and a scale S that at most mirrors: Point, Vector and Normal
     give R S v, Texture S R^-1 v.
     """
     signs = _signs_of_scale(world, mapping, groups)
-    rotation = [number(world, mapping.inputs["Rotation"], groups, axis) for axis in range(3)]
-    if None in rotation:
-        raise UnreadableMappingError(f'the rotation of "{mapping.name}" comes from nodes')
+    rotation = []
+    for axis in range(3):
+        angle = number(world, mapping.inputs["Rotation"], groups, axis)
+        if angle is None:
+            raise UnreadableMappingError(f'the rotation of "{mapping.name}" comes from nodes')
+        rotation.append(angle)
 
     # R turns about X, then Y, then Z.
     if mapping.vector_type == "TEXTURE":
@@ -61,21 +69,22 @@ def _unmapped(world, mapping, groups, vector, angles) -> list[Sum]:
     return _mirrored(vector, signs)
 
 
-def _signs_of_scale(world, mapping, groups) -> list[bool]:
+def _signs_of_scale(world: bpy.types.World, mapping: bpy.types.ShaderNode, groups: Groups) -> list[bool]:
     """Which axes the scale of a Mapping node mirrors; UnreadableMappingError if it stretches or shifts directions."""
-    still = {"Location": [], "Scale": []}
-    for name, parts in still.items():
-        if name in mapping.inputs:  # a Mapping of vectors has no location
-            parts += [number(world, mapping.inputs[name], groups, axis) for axis in range(3)]
-        if any(part is None or part.moves for part in parts):
-            raise UnreadableMappingError(f'the {name.lower()} of "{mapping.name}" moves or comes from nodes')
-    if any(abs(part.value) > NOT_AT_ALL for part in still["Location"]):
+    still: dict[str, list[float]] = {"Location": [], "Scale": []}
+    for name, values in still.items():
+        for axis in range(3) if name in mapping.inputs else ():  # a Mapping of vectors has no location
+            part = number(world, mapping.inputs[name], groups, axis)
+            if part is None or part.moves:
+                raise UnreadableMappingError(f'the {name.lower()} of "{mapping.name}" moves or comes from nodes')
+            values.append(part.value)
+    if any(abs(value) > NOT_AT_ALL for value in still["Location"]):
         raise UnreadableMappingError(f'"{mapping.name}" shifts its picture')
-    sizes = [abs(part.value) for part in still["Scale"]]
+    sizes = [abs(value) for value in still["Scale"]]
     if max(sizes) - min(sizes) > NOT_AT_ALL * max(sizes) or max(sizes) == 0:
         raise UnreadableMappingError(f'"{mapping.name}" stretches its picture')
-    return [part.value < 0 for part in still["Scale"]]
+    return [value < 0 for value in still["Scale"]]
 
 
-def _mirrored(vector, is_negative) -> list[Sum]:
+def _mirrored(vector: list[Sum], is_negative: list[bool]) -> list[Sum]:
     return [negative(entry) if sign else entry for entry, sign in zip(vector, is_negative, strict=True)]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import dist
+from typing import Any
 
+import bpy
 import numpy as np
 
 from ...images import USABLE_SOURCES
@@ -15,16 +18,21 @@ from ..softness import SOFT_HALF_ANGLE, TOO_SOFT
 from .direction import UnreadableMappingError, in_world
 from .picture import linear_pixels
 from .sky_sun import SKIES_WITH_SUN, sun_irradiance, sun_now, sun_over_time
-from .spots import bright_spots
-from .textures import world_textures
+from .spots import Spot, bright_spots
+from .textures import Texture, world_textures
 from .trigonometry import Angles, constant
 
 # Without the world's sampling a hint leaves the noise as it is: decision 46.
 MET_BY_CHANCE = "its light is met by chance alone, where no hint helps: set World > Settings > Sampling to Auto"
 LEFT = "small lights in it are left to chance, which is noisier"
 
+# What `Hint` is made of, by its fields' names, but for name and kind.
+Settings = dict[str, Any]
 
-def world_hints(scene, layers=()) -> tuple[list[Hint], list[tuple[str, str]]]:
+
+def world_hints(
+    scene: bpy.types.Scene, layers: Iterable[bpy.types.ViewLayer] = ()
+) -> tuple[list[Hint], list[tuple[str, str]]]:
     """Hints for the small bright lights of the world of `scene`, and the skipped ones as (name, reason in words).
 
     layers: view layers whose override of the world counts. Textures that cannot be read are skipped without an error.
@@ -39,7 +47,7 @@ def world_hints(scene, layers=()) -> tuple[list[Hint], list[tuple[str, str]]]:
     return hints, skipped
 
 
-def _hints_of(scene, world):
+def _hints_of(scene: bpy.types.Scene, world: bpy.types.World) -> tuple[list[Hint], list[tuple[str, str]]]:
     textures, reasons = world_textures(world)
     for applies, reason in (
         (not world.cycles_visibility.glossy, INVISIBLE),
@@ -63,9 +71,9 @@ def _hints_of(scene, world):
     return _named(world, "sun", suns) + _named(world, "spot", _merged(spots)[:HINT_COUNT]), skipped
 
 
-def _merged(spots) -> list[dict]:
+def _merged(spots: list[Settings]) -> list[Settings]:
     """Spots' settings, strongest first. A spot within another, as of one picture behind two nodes, is added to it."""
-    merged = []
+    merged: list[Settings] = []
     for spot in sorted(spots, key=lambda spot: -spot["power"]):
         same = next((other for other in merged if other["live"] == spot["live"]
                      and dist(other["direction"], spot["direction"]) < other["size"]), None)
@@ -76,13 +84,13 @@ def _merged(spots) -> list[dict]:
     return sorted(merged, key=lambda spot: -spot["power"])
 
 
-def _named(world, word, parts) -> list[Hint]:
+def _named(world: bpy.types.World, word: str, parts: list[Settings]) -> list[Hint]:
     """Hints with the names "<world> sun", or "<world> sun 1" and so on if there are more."""
     names = [f"{world.name} {word}" + (f" {index}" if len(parts) > 1 else "") for index in range(1, len(parts) + 1)]
     return [Hint(name, KIND_SUN, **part) for name, part in zip(names, parts, strict=True)]
 
 
-def _sun(scene, texture) -> list[dict]:
+def _sun(scene: bpy.types.Scene, texture: Texture) -> list[Settings]:
     """The sun of a Sky Texture as settings of one hint or none. A Mapping before it changes nothing, as in Cycles."""
     node = texture.node
     *direction, kind, half_angle = map(_socket_number, sun_now(node))
@@ -95,7 +103,7 @@ def _sun(scene, texture) -> list[dict]:
     return [{"power": power, "size": half_angle, "direction": tuple(direction), "live": live}]
 
 
-def _spots(world, texture) -> tuple[list[dict], list[tuple[str, str]]]:
+def _spots(world: bpy.types.World, texture: Texture) -> tuple[list[Settings], list[tuple[str, str]]]:
     """The spots of an Environment Texture as settings of hints, and the skipped ones."""
     image = texture.node.image
     if image is None:
@@ -110,7 +118,7 @@ def _spots(world, texture) -> tuple[list[dict], list[tuple[str, str]]]:
     return parts, [(world.name, f'{wide} bright areas of "{image.name}": {TOO_SOFT}')] if wide else []
 
 
-def _settings(world, texture, spot) -> dict:
+def _settings(world: bpy.types.World, texture: Texture, spot: Spot) -> Settings:
     """The settings of a hint for a spot of an Environment Texture."""
     angles = Angles()
     vector = in_world(world, texture, constant(spot.direction), angles)

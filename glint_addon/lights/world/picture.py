@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -36,7 +37,7 @@ def linear_pixels(image: bpy.types.Image) -> np.ndarray | None:
     return pixels
 
 
-def _pixels_of_file(image) -> np.ndarray | None:
+def _pixels_of_file(image: bpy.types.Image) -> np.ndarray | None:
     """The same pixels, float32, from a file of linear floats; None if the file is missing or holds other values."""
     path = Path(image.filepath_from_user())
     space = image.colorspace_settings
@@ -46,7 +47,7 @@ def _pixels_of_file(image) -> np.ndarray | None:
         return _rows_of(source) if source is not None else None
 
 
-def _rows_of(source) -> np.ndarray | None:
+def _rows_of(source: Any) -> np.ndarray | None:
     spec = source.spec()
     if spec.format not in (oiio.TypeFloat, oiio.TypeHalf) or tuple(spec.channelnames[:3]) != RGB or spec.tile_width:
         return None

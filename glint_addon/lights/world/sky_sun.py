@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from math import asin, cos, degrees, exp, sin
 
+import bpy
+
 from ...animation.curves import is_animated, peak_value, values_over
 from ...nodes.driven import Keyed
 from ...nodes.glint_lights import KIND_NONE, KIND_SUN
@@ -32,12 +34,12 @@ def sun_numbers(elevation: float, rotation: float, size: float) -> tuple[float, 
     return flat * sin(rotation), flat * cos(rotation), sin(elevation), kind, max(size, SMALLEST_DIAMETER) / 2
 
 
-def sun_now(node) -> tuple[float, float, float, int, float]:
+def sun_now(node: bpy.types.ShaderNode) -> tuple[float, float, float, int, float]:
     """`sun_numbers` of a Sky Texture at the present frame."""
     return sun_numbers(*(getattr(node, name) for name in PLACE))
 
 
-def sun_over_time(scene, node) -> tuple[Keyed | float, ...] | None:
+def sun_over_time(scene: bpy.types.Scene, node: bpy.types.ShaderNode) -> tuple[Keyed | float, ...] | None:
     """`sun_numbers` of a Sky Texture with keys at the frames of `scene`; None if the sun stands still."""
     tree, paths = node.id_data, [node.path_from_id(name) for name in PLACE]
     if not any(is_animated(tree, path) for path in paths):
@@ -47,7 +49,7 @@ def sun_over_time(scene, node) -> tuple[Keyed | float, ...] | None:
     return tuple(Keyed(tuple(frames), column) if len(set(column)) > 1 else column[0] for column in columns)
 
 
-def sun_irradiance(node) -> float:
+def sun_irradiance(node: bpy.types.ShaderNode) -> float:
     """Estimated irradiance [W/m^2] of the sun at its place now, or from above if its height is animated."""
     tree = node.id_data
     height = 1.0 if is_animated(tree, node.path_from_id(PLACE[0])) else max(sin(node.sun_elevation), 0.0)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import cos, pi
 
 import numpy as np
 
-from .projections import PROJECTIONS
+from .projections import PROJECTIONS, Projection
 
 # Blocks across a picture's width: of 0.7 degrees, about the size of the sun, so that a spot is one or a few of them.
 BLOCKS = 512
@@ -25,6 +26,8 @@ HELD = 0.9
 TEXEL_RADIUS = 0.75
 
 NEIGHBOURS = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1) if (row, column) != (0, 0)]
+
+Block = tuple[int, int]  # row and column of a block of texels
 
 
 @dataclass(frozen=True)
@@ -68,16 +71,16 @@ def bright_spots(pixels: np.ndarray, projection: str, widest: float) -> tuple[li
 class _Blocks:
     """The picture in blocks of about equal sides: power [W/m^2], solid angle [sr] and mean radiance of each."""
 
-    def __init__(self, pixels, view):
+    def __init__(self, pixels: np.ndarray, view: Projection) -> None:
         self.pixels, self.view = pixels, view
         side = -(-view.width // BLOCKS)
         self.rows, self.columns = np.arange(0, view.height, side), np.arange(0, view.width, side)
         self.side = side
-        sums = [self._row_of_sums(row) for row in self.rows]
+        sums = [self._row_of_sums(int(row)) for row in self.rows]
         self.power, self.solid_angle = (np.array(part) for part in zip(*sums, strict=True))
         self.radiance = self.power / np.maximum(self.solid_angle, np.finfo(float).tiny)
 
-    def texels(self, block):
+    def texels(self, block: Block) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Radiance, solid angle and direction of the texels of a block (row, column), flat."""
         rows, columns = (slice(start[index], start[index] + self.side)
                          for start, index in zip((self.rows, self.columns), block, strict=True))
@@ -85,25 +88,25 @@ class _Blocks:
         places = np.mgrid[rows, columns][:, :values.shape[0], :values.shape[1]]
         return values.ravel(), self.view.solid_angle(*places).ravel(), self.view.direction(*places).reshape(-1, 3)
 
-    def _row_of_sums(self, row):
+    def _row_of_sums(self, row: int) -> list[np.ndarray]:
         values = strength(self.pixels[row:row + self.side])
         texels = np.ogrid[row:row + len(values), :self.view.width]
         solid_angle = self.view.solid_angle(*texels)
         return [np.add.reduceat(part.sum(axis=0), self.columns) for part in (values * solid_angle, solid_angle)]
 
 
-def strength(pixels) -> np.ndarray:
+def strength(pixels: np.ndarray) -> np.ndarray:
     """The largest of red, green and blue, by which lights are ranked; 0 where it is negative or not finite."""
     largest = np.maximum(np.maximum(pixels[..., 0], pixels[..., 1]), pixels[..., 2])
     return np.where((largest > 0) & np.isfinite(largest), largest, 0.0)
 
 
-def _regions(radiance, threshold, wraps):
+def _regions(radiance: np.ndarray, threshold: float, wraps: bool) -> Iterator[list[Block]]:
     """Sets of connected blocks around peaks above `threshold`, brightest first, without the glow of each peak."""
     taken = np.zeros(radiance.shape, bool)
     bright = np.argwhere(radiance > threshold)
-    for peak in bright[np.argsort(-radiance[tuple(bright.T)], kind="stable")]:
-        peak = tuple(map(int, peak))
+    for place in bright[np.argsort(-radiance[tuple(bright.T)], kind="stable")]:
+        peak = int(place[0]), int(place[1])
         if taken[peak]:
             continue
         # Leave out a glow: its brightest block touches the spot that it surrounds.
@@ -113,7 +116,7 @@ def _regions(radiance, threshold, wraps):
             yield region
 
 
-def _flooded(peak, radiance, level, taken, wraps):
+def _flooded(peak: Block, radiance: np.ndarray, level: float, taken: np.ndarray, wraps: bool) -> list[Block]:
     """The free blocks above `level` that are connected to `peak`, which this takes from the free ones."""
     taken[peak] = True
     region = [peak]
@@ -125,7 +128,7 @@ def _flooded(peak, radiance, level, taken, wraps):
     return region
 
 
-def _around(block, shape, wraps):
+def _around(block: Block, shape: tuple[int, ...], wraps: bool) -> Iterator[Block]:
     """The up to eight blocks around one; the columns of a picture that wraps go round."""
     for row, column in NEIGHBOURS:
         row, column = block[0] + row, block[1] + column
@@ -135,7 +138,7 @@ def _around(block, shape, wraps):
             yield row, column
 
 
-def _measured(blocks, region, owned) -> Spot:
+def _measured(blocks: _Blocks, region: list[Block], owned: set[Block]) -> Spot:
     """Middle, radius and irradiance of the light of a region above that of its surroundings, from the region's texels.
 
     owned: the blocks of all regions; a block beside a region may belong to another region.
@@ -156,9 +159,10 @@ def _measured(blocks, region, owned) -> Spot:
     held = np.cumsum(power[order])
     radius = angle[order][np.searchsorted(held, HELD * held[-1])]
     texel = np.sqrt(solid_angle.max())
-    return Spot(tuple(map(float, middle)), float(radius + TEXEL_RADIUS * texel), float(power.sum()))
+    x, y, z = map(float, middle)
+    return Spot((x, y, z), float(radius + TEXEL_RADIUS * texel), float(power.sum()))
 
 
-def _rim(region, shape, wraps):
+def _rim(region: Iterable[Block], shape: tuple[int, ...], wraps: bool) -> list[Block]:
     """The blocks that touch a region from outside, in a fixed order."""
     return sorted({near for block in region for near in _around(block, shape, wraps)} - set(region))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..node_numbers import number, source
+from ..node_numbers import Groups, number, source
 
 SENDERS = {"ShaderNodeBackground", "ShaderNodeEmission"}
 TEXTURES = {"ShaderNodeTexEnvironment", "ShaderNodeTexSky"}
@@ -27,11 +27,11 @@ class Texture:
     """
 
     node: bpy.types.ShaderNode
-    groups: tuple[bpy.types.ShaderNode, ...]
+    groups: Groups
     factor: float
 
 
-def world_textures(world) -> tuple[list[Texture], list[str]]:
+def world_textures(world: bpy.types.World) -> tuple[list[Texture], list[str]]:
     """The textures behind the surface of `world`, and why others are left out, in words."""
     output = world.node_tree.get_output_node("CYCLES") if world.node_tree else None
     walk = _Walk(world)
@@ -44,10 +44,12 @@ def world_textures(world) -> tuple[list[Texture], list[str]]:
 class _Walk:
     """Follows shader and colour sockets and gathers the textures found."""
 
-    def __init__(self, world):
-        self.world, self.factors, self.left_out = world, {}, []
+    def __init__(self, world: bpy.types.World) -> None:
+        self.world = world
+        self.factors: dict[tuple[bpy.types.ShaderNode, Groups], float] = {}
+        self.left_out: list[str] = []
 
-    def shader(self, socket, groups, factor):
+    def shader(self, socket: bpy.types.NodeSocket, groups: Groups, factor: float) -> None:
         """Follow a shader socket whose light is multiplied by `factor`."""
         end, groups = source(socket, groups)
         if factor <= 0 or end is None or not end.is_output:
@@ -69,7 +71,7 @@ class _Walk:
         else:
             self.left_out.append(UNKNOWN.format(node.name))
 
-    def colour(self, socket, groups, factor):
+    def colour(self, socket: bpy.types.NodeSocket, groups: Groups, factor: float) -> None:
         """Follow a colour socket whose light is multiplied by `factor`; an even colour has no spots."""
         end, groups = source(socket, groups)
         if factor <= 0 or end is None or not end.is_output:
@@ -88,7 +90,7 @@ class _Walk:
         elif node.bl_idname not in EVEN:
             self.left_out.append(UNKNOWN.format(node.name))
 
-    def shares(self, socket, groups) -> tuple[float, float]:
+    def shares(self, socket: bpy.types.NodeSocket, groups: Groups) -> tuple[float, float]:
         """How much the first and the second of two mixed inputs count, at most over time."""
         end, _ = source(socket, groups)
         if end is not None and end.is_output and end.node.bl_idname == "ShaderNodeLightPath":

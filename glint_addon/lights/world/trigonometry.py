@@ -5,9 +5,10 @@ A sum {("cos(a0)", "sin(a1)"): 0.5, (): 2} is 0.5 cos(a0) sin(a1) + 2. A vector 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import cos, prod, sin
 
-from ...nodes.driven import Driven
+from ...nodes.driven import Driven, Variable
 from ..node_numbers import Number, read
 
 Sum = dict[tuple[str, ...], float]
@@ -20,8 +21,9 @@ LONGEST_EXPRESSION = 255  # characters: Blender cuts a longer expression of a dr
 class Angles:
     """The angles of one calculation: their names in drivers, and their present sines and cosines."""
 
-    def __init__(self):
-        self._variables, self._values = [], {}
+    def __init__(self) -> None:
+        self._variables: list[Variable] = []
+        self._values: dict[str, float] = {}
 
     def cos_sin(self, angle: Number) -> tuple[Sum, Sum]:
         """Cosine and sine of an angle [rad]: numbers, or factors where the angle is animated."""
@@ -31,7 +33,7 @@ class Angles:
         self._variables.append(read(name, angle))
         factors = f"cos({name})", f"sin({name})"
         self._values |= dict(zip(factors, (cos(angle.value), sin(angle.value)), strict=True))
-        return tuple({(factor,): 1.0} for factor in factors)
+        return {(factors[0],): 1.0}, {(factors[1],): 1.0}
 
     def now(self, vector: list[Sum]) -> tuple[float, ...]:
         """The present numbers of a vector."""
@@ -50,7 +52,7 @@ class Angles:
                      for text, variables, number in zip(words, used, self.now(vector), strict=True))
 
 
-def constant(values) -> list[Sum]:
+def constant(values: Iterable[float]) -> list[Sum]:
     """A vector of numbers."""
     return [{(): float(value)} for value in values]
 
@@ -77,7 +79,7 @@ def negative(one: Sum) -> Sum:
 
 def multiplied(first: Sum, second: Sum) -> Sum:
     """The product of two sums."""
-    result = {}
+    result: Sum = {}
     for factors, part in first.items():
         for others, other in second.items():
             both = tuple(sorted(factors + others))
