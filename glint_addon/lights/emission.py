@@ -80,7 +80,10 @@ def _colour(socket: bpy.types.NodeSocket, groups: Groups) -> Rgb:
     end, _ = source(socket, groups)
     if end is None or end.is_output and end.node.bl_idname != "ShaderNodeRGB":
         return UNKNOWN, UNKNOWN, UNKNOWN
-    red, green, blue, *_ = end.default_value
+    value = end.default_value
+    if isinstance(value, (int, float)):
+        return value, value, value  # the input of a group, where a number becomes grey
+    red, green, blue, *_ = value
     return red, green, blue
 
 

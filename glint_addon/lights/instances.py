@@ -110,7 +110,9 @@ def instance_hints(
     over = matrices_over(scene, layers, shown, finder.is_light) if moving else {}
     for name, copy in _named(found.keys() | over.keys()):
         matrix = found.get(copy)
-        frames = over.get(copy, {}) if copy in moving or matrix is None else {scene.frame_current: matrix}
+        # The present frame may lie outside the range, and a copy that moves be shown at none within.
+        is_over = copy in over and (copy in moving or matrix is None)
+        frames = over[copy] if is_over else {scene.frame_current: matrix}
         poses = tuple(finder.pose(copy.source, frame, each) for frame, each in frames.items())
         shown_somewhere = matrix or next((each for each in frames.values() if each is not None), None)
         finder.add(name, copy.source, copy.parent, shown_somewhere, Instance(copy.source, None, poses))

@@ -14,6 +14,7 @@ from ..animation.curves import is_animated, peak_value
 from ..nodes.driven import Variable
 
 COMBINED = {"X": 0, "Y": 1, "Z": 2}
+WITH_AXES = {"RGBA", "VECTOR"}  # types of sockets that hold several numbers; a colour is read as a vector too
 
 
 # The group nodes around a node, outermost first.
@@ -80,8 +81,10 @@ def number(
         return number(holder, component, groups)
     if end is None or end.is_output and end.node.bl_idname != "ShaderNodeValue":
         return None
-    is_vector = end.type == "VECTOR"
-    return _number_at(holder, end.id_data, end.path_from_id("default_value"), axis if is_vector else None)
+    has_axes = end.type in WITH_AXES
+    if has_axes and axis is None:
+        return None  # Cycles makes one number of a colour or vector that a group's input holds
+    return _number_at(holder, end.id_data, end.path_from_id("default_value"), axis if has_axes else None)
 
 
 def _number_at(holder: bpy.types.ID, tree: bpy.types.NodeTree, path: str, axis: int | None = None) -> Number:

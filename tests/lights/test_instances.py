@@ -227,6 +227,22 @@ def test_a_copy_that_is_shown_at_some_frames_only_is_no_light_at_the_others(scen
     assert kinds == [0, 0, KIND_LOCAL, KIND_LOCAL]
 
 
+def test_a_moving_copy_that_no_frame_of_the_range_shows_is_where_the_present_frame_shows_it(scene):
+    add_glints(scene)
+    points = add_points(scene, lamp_at_rest(scene), [(0, 0, 1)])
+    modifier = points.modifiers["Scatter"]
+    for frame, shown in ((1, False), (9, True)):
+        modifier.show_viewport = modifier.show_render = shown
+        modifier.keyframe_insert("show_viewport", frame=frame)
+        modifier.keyframe_insert("show_render", frame=frame)
+        points.location.x = frame
+        points.keyframe_insert("location", frame=frame)
+    scene.frame_start, scene.frame_end = 1, 5
+    scene.frame_set(9)
+    assert list(connected(scene)) == ["Point in Points"]
+    assert slot_values()[0] == pytest.approx([9, 0, 1])
+
+
 def test_nested_instances_and_lamps_on_faces_are_found(scene):
     add_glints(scene)
     inner = add_instance(scene, fixture(scene, add_lamp(scene, location=(0, 0, 1))), "Inner", (0, 2, 0))
