@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import bpy
 
 from ..nodes.glint_bsdf import is_glint_group
@@ -19,7 +21,9 @@ def glint_groups(material) -> list[bpy.types.ShaderNodeTree]:
     return [group for group in held_groups(tree) if is_glint_group(group) and map_of(group) is not None]
 
 
-def held_groups(tree, seen=None):
+def held_groups(
+    tree: bpy.types.NodeTree | None, seen: set[bpy.types.NodeTree] | None = None
+) -> Iterator[bpy.types.ShaderNodeTree]:
     """The node groups inside node tree `tree`, or None, each once: at any depth, but not what Glint BSDF groups hold.
 
     seen: groups to leave out, with all that they hold; those found are added to it.
