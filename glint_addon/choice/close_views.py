@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from math import inf, pi
-from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -16,10 +15,8 @@ from ..seen.coordinates import largest_texel_area, uv_transforms
 from ..seen.footprints import FOOTPRINT_EXPONENT, FOOTPRINT_SCALE, rigid_mesh
 from ..seen.scene_views import SceneViews
 from ..seen.surface import pixels_filled
+from .families import Family
 from .patches import patches_over
-
-if TYPE_CHECKING:
-    from .material_lights import Family
 
 # Samples a pixel that footprints are judged by: with more they are smaller still, with fewer hardly anybody renders.
 SAMPLES = 4

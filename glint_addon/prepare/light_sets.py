@@ -11,7 +11,8 @@ from collections.abc import Container, Iterable, Iterator
 
 import bpy
 
-from ..choice.material_lights import Family, material_choices, material_families
+from ..choice.families import Family, material_families
+from ..choice.material_lights import material_choices
 from ..choice.ranking import Choice
 from ..errors import GlintError
 from ..lights.drivers import connect_hints

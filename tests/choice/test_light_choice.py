@@ -8,11 +8,14 @@ import pytest
 
 from benchmarks.counters import counters
 from glint_addon import create_glint_material, prepare_scene
+from glint_addon.choice.families import material_families
 from glint_addon.choice.ranking import FEWEST_VISITS, LARGEST_VISIT, MISSES, OUT_OF_REACH, TOO_DIM, TOO_MANY, choose
 from glint_addon.choice.reach import REGION, Facets, judgements
 from glint_addon.lights.hint import Hint
+from glint_addon.materials.find import glint_groups
 from glint_addon.nodes import glint_bsdf, glint_lights
 from glint_addon.nodes.scene_lights import HOLDER
+from glint_addon.prepare.uses import glint_uses
 from glint_addon.seen.scene_views import scene_views
 from tests.helpers import cycles
 from tests.helpers.extension import data_names, write_flake_map
@@ -185,6 +188,16 @@ def test_materials_with_glints_inside_a_group_of_the_users_share_one_set(scene, 
     report = prepare_scene(scene)
     assert report["hints_by_material"]["Left"] == report["hints_by_material"]["Right"]
     assert len(report["hints"]) == 8 and "Glint Lights.001" not in bpy.data.node_groups
+
+
+def test_a_group_that_a_group_of_the_users_holds_too_stays_in_both_places(scene, two_planes):
+    material = two_planes[0].material_slots[0].material
+    glints = glint_groups(material)[0]
+    users = bpy.data.node_groups.new("Users own", "ShaderNodeTree")
+    users.nodes.new("ShaderNodeGroup").node_tree = glints
+    material.node_tree.nodes.new("ShaderNodeGroup").node_tree = users
+    held, free = material_families(glint_uses(scene))
+    assert held.materials == (material,) and not held.nodes and free.nodes
 
 
 def test_scenes_do_not_disturb_each_other_and_a_shared_material_finds_the_lights_of_each(scene, flake_map):

@@ -20,7 +20,7 @@ ALLOWED = {
     "materials": {"bake", "errors", "images", "nodes"},
     "lights": {"animation", "bake", "errors", "images", "materials", "nodes"},
     "seen": {"animation", "bake", "materials", "nodes"},
-    "choice": {"animation", "lights", "nodes", "seen"},
+    "choice": {"animation", "lights", "materials", "nodes", "seen"},
     "prepare": {
         "animation", "bake", "choice", "errors", "images", "lights", "materials", "nodes", "paths", "properties",
         "seen",

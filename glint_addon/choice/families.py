@@ -1,0 +1,92 @@
+"""Which materials look for the same lights.
+
+A material that holds its glints inside a group of the user's cannot be told from others that use that group: all such
+materials look for one set of lights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import bpy
+
+from ..materials.find import held_groups
+from ..nodes.glint_bsdf import is_glint_group, lights_of
+from ..nodes.glint_lights import set_of
+from ..nodes.map_binding import map_of
+
+
+@dataclass(frozen=True)
+class Family:
+    """Materials that look for the same lights. objects: with any of them; nodes: their Glint BSDF nodes, whose groups
+    may be replaced, none if the materials' groups must stay as they are; groups: the Glint BSDF groups in use; sets:
+    numbers of the sets of lights that those of another file read, which must stay too."""
+
+    materials: tuple[bpy.types.Material, ...]
+    objects: tuple[bpy.types.Object, ...]
+    nodes: tuple[bpy.types.ShaderNode, ...]
+    groups: tuple[bpy.types.ShaderNodeTree, ...]
+    sets: frozenset[int] = frozenset()
+
+
+def material_families(
+    uses: Mapping[bpy.types.ShaderNodeTree, list[tuple[bpy.types.Object, bpy.types.Material]]]
+) -> list[Family]:
+    """Families by the name of their first material; those of materials that must stay as they are first."""
+    pairs = sorted({(material.name_full, thing.name_full, material, thing) for group in uses
+                    for thing, material in uses[group]}, key=lambda pair: pair[:2])
+    groups: dict[bpy.types.Material, tuple[bpy.types.ShaderNodeTree, ...]] = {}
+    objects: dict[bpy.types.Material, list[bpy.types.Object]] = {}
+    for *_, material, thing in pairs:
+        objects.setdefault(material, []).append(thing)
+        groups[material] = tuple(group for group in uses if any(each == material for _, each in uses[group]))
+    held = [material for material in objects if not _is_free(material, groups[material])]
+    families = [_held_family(materials, sets, objects, groups) for sets, materials in _by_sets(held, groups)]
+    return families + [Family((material,), tuple(objects[material]), tuple(_nodes(material)), groups[material])
+                       for material in objects if material not in held]
+
+
+def _by_sets(
+    materials: Iterable[bpy.types.Material], groups: dict[bpy.types.Material, tuple[bpy.types.ShaderNodeTree, ...]]
+) -> list[tuple[frozenset[int], list[bpy.types.Material]]]:
+    """Materials that must stay, parted by the sets of lights of another file that they read."""
+    parts: list[tuple[frozenset[int], list[bpy.types.Material]]] = []
+    for material in materials:
+        sets = frozenset(set_of(lights_of(group)) for group in groups[material]
+                         if group.library is not None and lights_of(group) is not None)
+        same = [part for part in parts if part[0] & sets or not part[0] | sets]
+        parts = [part for part in parts if part not in same]
+        together = [each for part in same for each in part[1]]
+        parts.append((sets.union(*(part[0] for part in same)), [*together, material]))
+    return parts
+
+
+def _held_family(
+    materials: list[bpy.types.Material],
+    sets: frozenset[int],
+    objects: dict[bpy.types.Material, list[bpy.types.Object]],
+    groups: dict[bpy.types.Material, tuple[bpy.types.ShaderNodeTree, ...]],
+) -> Family:
+    things = dict.fromkeys(thing for material in materials for thing in objects[material])
+    shared = dict.fromkeys(group for material in materials for group in groups[material])
+    return Family(tuple(materials), tuple(things), (), tuple(shared), sets)
+
+
+def _is_free(material: bpy.types.Material, groups: tuple[bpy.types.ShaderNodeTree, ...]) -> bool:
+    """Whether another group may take the place of each of `groups` in a material: it holds them itself."""
+    own = {node.node_tree for node in _nodes(material)}
+    return material.library is None and material.override_library is None and set(groups) <= own and not _holds_deeper(
+        material.node_tree)
+
+
+def _holds_deeper(tree: bpy.types.NodeTree) -> bool:
+    """Whether a group of the user's inside the tree holds a Glint BSDF."""
+    inner = {node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup"} - {None}
+    return any(is_glint_group(each) for group in inner if not is_glint_group(group) for each in held_groups(group))
+
+
+def _nodes(material: bpy.types.Material) -> list[bpy.types.ShaderNode]:
+    """The Glint BSDF nodes with a map that a material holds itself."""
+    return [node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup"
+            and is_glint_group(node.node_tree) and map_of(node.node_tree) is not None]
