@@ -36,7 +36,7 @@ def _parser():
     scene.add_argument("name")
     scene.add_argument("--largest", metavar="SECONDS", type=float, default=math.inf)
     scene.set_defaults(command=_scene)
-    report = commands.add_parser("report", help="write RESULTS.md, the plots and the README's table from the results")
+    report = commands.add_parser("report", help="write RESULTS.md, the plots and the table of benchmarks/README.md")
     report.set_defaults(command=_report)
     quick = commands.add_parser("quick", help="compare counts of two scenes with their limits")
     quick.add_argument("--renew", action="store_true", help="make the counts as they are the new limits")
@@ -94,7 +94,7 @@ def _report(options):
     from .report import PAGE, write_report
 
     write_report()
-    _say(f"Tables are in {PAGE.name}, plots in plots, the headline in the README")
+    _say(f"Tables are in {PAGE.name}, plots in plots, the headline in README.md there")
     return 0
 
 
