@@ -48,7 +48,8 @@ def _parser():
     parser = argparse.ArgumentParser(prog="python -m demo_scenes", description="Render the demo pictures of Glint.")
     parser.add_argument("--only", metavar="NAME", nargs="+", choices=known, help=f"scenes: {', '.join(known)}")
     parser.add_argument("--out", default="out", help="folder for pictures and table (default: out)")
-    parser.add_argument("--readme", action="store_true", help="also put the table into demo_scenes/README.md, pictures into docs")
+    parser.add_argument("--readme", action="store_true",
+                        help="also put the table into demo_scenes/README.md and pictures into docs")
     parser.add_argument("--renew-truth", metavar="NAME", nargs="+", choices=COMPARISONS,
                         help="render the stored truth of these scenes again (minutes each)")
     return parser

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
 
-from benchmarks import suite, truth
+from benchmarks import scenes, suite, truth
 from tests.helpers import cycles
 from tests.helpers.stress_marks import stress
 
@@ -54,6 +56,11 @@ def uv_material():
     whole.inputs["Z"].default_value = MARK
     links.new(whole.outputs["Vector"], color)
     return material
+
+
+def test_every_module_of_a_scene_is_in_the_suite():
+    files = Path(scenes.__file__).parent.glob("*.py")
+    assert {file.stem for file in files} - {"__init__"} == set(suite.NAMES)
 
 
 def test_each_effect_is_alone_somewhere_and_with_others_somewhere():

@@ -100,6 +100,18 @@ def test_each_kind_names_the_properties_that_change_its_size_and_its_cone(scene,
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("normalize", [True, False])
+def test_each_kind_names_the_numbers_that_change_how_bright_it_is(scene, kind, normalize):
+    """Beside its energy; the colour is no single number."""
+    brightening = set()
+    for settings in (settings for name, settings in FORMS if name == kind):
+        lamp = add_form(scene, kind, settings | {"normalize": normalize, "use_temperature": True})
+        scene.view_layers[0].update()
+        brightening |= changing(lamp, lambda lamp: float(irradiances(lamp, *BOX, 10.0)[0]))
+    assert brightening <= {*KINDS[kind].powers, *KINDS[kind].sizes, *KINDS[kind].cones}
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_what_animates_a_property_that_a_kind_names_is_found(kind):
     parts = {"sizes": may_change_size, "cones": may_change_cone, "powers": may_change_power}
     for part, may_change in parts.items():

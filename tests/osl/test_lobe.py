@@ -11,6 +11,7 @@ import pytest
 from benchmarks.counters import counters
 from demo_scenes import maps
 from demo_scenes.truth import truth_material
+from glint_addon.lights.kinds import KINDS
 from glint_addon.materials.create import create_glint_material
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.driven import write_number
@@ -144,6 +145,11 @@ LIGHTS = {
         add_light(scene, "SUN", (x, 3, 3), power=0.5, angle=0.05) for x in range(-4, 5)
     ] + [sky(scene, 0.2)],
 }
+
+
+def test_blenders_kinds_of_light_are_all_among_those(scene):
+    added = [LIGHTS[name](scene) for name in LIGHTS]
+    assert {lamp.data.type for lamps in added for lamp in lamps if lamp is not None} == set(KINDS)
 
 
 @pytest.mark.parametrize("light", thinned(LIGHTS, ("sun", "square area"), "a z-test of many renders"))
