@@ -138,6 +138,15 @@ def test_each_kind_lights_what_is_before_it_and_less_so_from_afar(scene, kind, s
     assert reason_to_skip(lamp) == ""
 
 
+@pytest.mark.parametrize(("kind", "settings"), FORMS)
+def test_only_area_lights_leave_dark_what_is_close_behind_them(scene, kind, settings):
+    """The cone of a wide light alone does not tell: a box so close reaches into it."""
+    lamp = add_form(scene, kind, settings)
+    scene.view_layers[0].update()
+    box = np.array([[-0.5, -0.5, -5.3]]), np.array([[0.5, 0.5, -5.2]])
+    assert (irradiances(lamp, *box, 10.0)[0] == 0.0) == (kind == "AREA")
+
+
 @pytest.mark.parametrize(("kind", "settings"), [form for form in FORMS if not KINDS[form[0]].is_distant])
 def test_from_afar_a_light_looks_no_larger_than_the_ball_around_it(scene, kind, settings):
     lamp = add_form(scene, kind, settings)
