@@ -15,6 +15,7 @@ from glint_addon.lights.kinds import KINDS
 from glint_addon.materials.create import create_glint_material
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.driven import write_number
+from glint_addon.nodes.map_choices import DISTRIBUTION
 from glint_addon.prepare.scene import prepare_scene
 from tests.helpers import cycles
 from tests.helpers.seeds import rendered_seeds
@@ -95,7 +96,7 @@ def assert_same_mean(nodes, lobe):
 
 
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
-@pytest.mark.parametrize("distribution", ["BECKMANN", "GGX"])
+@pytest.mark.parametrize("distribution", DISTRIBUTION.identifiers)
 def test_where_no_hint_is_reached_the_picture_is_blenders_own_at_the_same_seed(interpolation, distribution):
     scene, thing, image = stage(interpolation=interpolation)
     sky(scene)
@@ -153,7 +154,7 @@ def test_blenders_kinds_of_light_are_all_among_those(scene):
 
 
 @pytest.mark.parametrize("light", thinned(LIGHTS, ("sun", "square area"), "a z-test of many renders"))
-@pytest.mark.parametrize("distribution", ["BECKMANN", "GGX"])
+@pytest.mark.parametrize("distribution", DISTRIBUTION.identifiers)
 def test_every_kind_of_light_has_the_right_mean(light, distribution):
     scene, thing, image = stage()
     LIGHTS[light](scene)

@@ -4,9 +4,12 @@ OSL computes in float32 from the very inputs the twin gets, so what may differ i
 functions. A yes or no is compared where the twin's own margin is larger than that.
 """
 
+import re
+
 import numpy as np
 
 from glint_addon.bake import table as bake
+from glint_addon.paths import shader_file
 from tests.helpers.osl_functions import ROWS, evaluate
 from tests.reference import footprint, light_hint, selection, table
 from tests.reference import map as normal_map
@@ -153,6 +156,13 @@ def test_the_footprint_stays_finite_to_89_99_degrees_and_beyond():
     # At 89.99 degrees the stretch is 1 / cosine = 5730; where float32 has lost the cosine it ends at 1 / LEAST_COSINE.
     assert (np.abs(stretch[: ROWS // 2] / 5730 - 1) < 0.01).all()
     assert (stretch[ROWS // 2 :] < 1.01 / footprint.LEAST_COSINE).all()
+
+
+def test_the_constants_of_the_footprint_are_those_of_the_twin():
+    header = shader_file("footprint.h").read_text(encoding="utf-8")
+    defined = {name: float(value) for name, value in re.findall(r"^#define (\w+) ([\d.e-]+)$", header, re.MULTILINE)}
+    twin = {name: value for name, value in vars(footprint).items() if name.isupper() and isinstance(value, float)}
+    assert len(twin) == 5 and twin.items() <= defined.items()
 
 
 def test_kernel_radius_and_samples_of_the_footprint():
