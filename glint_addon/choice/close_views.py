@@ -18,7 +18,7 @@ from ..seen.surface import pixels_filled
 from .families import Family
 from .patches import patches_over
 
-# Samples a pixel that footprints are judged by: with more they are smaller still, with fewer hardly anybody renders.
+# Samples a pixel for which footprints are judged: with more samples they are smaller, and hardly anybody takes fewer.
 SAMPLES = 4
 # Texels in a footprint, the mean over a picture: with fewer Blender's nodes reach the lobe's error in less time,
 # because Open Shading Language makes each sample slower: decision 42.
@@ -29,7 +29,7 @@ CLOSE_UP = "its glints are so close, about a texel a sample, that Blender's own 
 def is_close_up(scene: bpy.types.Scene, views: SceneViews | None, family: Family) -> bool:
     """Whether footprints on all that shows a family's maps hold FEWEST_TEXELS or less, at any frame and to any camera.
 
-    views: what `scene_views` found; family: `material_lights.Family`. False where it cannot be told, and for Linear
+    views: what `scene_views` found; family: `material_lights.Family`. False where that is not known, and for Linear
     maps, whose slopes differ within a texel. Matrices must be current.
     """
     if views is None or views.has_mirrors or not family.nodes:

@@ -11,7 +11,8 @@ from ..nodes.glint_lights import KIND_SUN
 from ..seen.cameras import CameraView
 from ..seen.surface import Patches
 
-# Half vectors turn ever faster as light and view become opposite: from here on all are reached.
+# Angle between light and view from which on every facet counts as one that mirrors the light to the camera: half
+# vectors change ever faster across a patch as the two directions become opposite.
 OPPOSITE = np.radians(170.0)
 
 
@@ -33,8 +34,8 @@ def meeting(hint: Hint, matrix: np.ndarray, view: CameraView, patches: Patches) 
     half_vector = light + sight
     half_vector /= np.maximum(np.linalg.norm(half_vector, axis=1, keepdims=True), 1e-12)
 
-    # A surface is seen from behind with its normal turned over. Half vectors turn by half the angle between lights,
-    # across the plane of incidence by 1 / (2 cos) of it.
+    # A surface that is seen from behind has the opposite normal. Between two lights the half vector changes by half of
+    # the angle between them, and across the plane of incidence by 1 / (2 cos) of that angle.
     cosine = np.abs((half_vector * patches.normals).sum(axis=1))
     growth = 0.5 / np.cos(np.minimum(between, OPPOSITE) / 2)
     angle = np.arccos(np.clip(cosine, 0.0, 1.0)) - patches.spreads - growth * (light_spread + sight_spread)

@@ -17,7 +17,7 @@ from .noise import boxes_over, noise_in_remainder
 from .ranking import Choice, choose
 from .reach import facets_of, judgements
 
-SHARPEST = 0.01  # alpha that lights are ranked by where a material's roughness cannot be told
+SHARPEST = 0.01  # alpha for which lights are ranked where a material's roughness is not known
 
 
 def material_choices(

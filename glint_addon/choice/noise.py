@@ -1,6 +1,6 @@
-"""How noisy a light's glints are where they are met by chance, over all frames: what lights are ranked by.
+"""How noisy a light's glints are without a hint, where they are met by chance, over all frames: the lights' rank.
 
-Nothing here depends on the current frame. What cannot be told is infinite.
+Nothing here depends on the current frame. Noise that is not known is infinite.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SHAPE_MARGIN = 1.5
 class Boxes:
     """Low and high corners, (n, f, 3) each, of the boxes of n objects at f frames in world space [m].
 
-    are_fixed: whether they hold at every frame, not only at these, all that is rendered of the objects.
+    are_fixed: whether the boxes hold all that is rendered of the objects at every frame, not only at these.
     """
 
     low: np.ndarray
@@ -43,7 +43,7 @@ def noise_in_remainder(hint: Hint, boxes: Boxes, frames: np.ndarray, alpha: floa
     """Standard deviation, up to a factor common to all hints, of the light's glints where they are met by chance.
 
     boxes: of the objects it lights, at the f `frames`; alpha: of a facet. Infinite where the light's place or power
-    at other frames cannot be told, for in doubt it stays; negative if it never shines on any of the boxes.
+    at other frames is not known, because in doubt a light is looked for; negative if it never shines on the boxes.
     """
     if not len(boxes.low):
         return NEVER
@@ -112,8 +112,9 @@ def _noise_at(hint: Hint, matrix: np.ndarray, low: np.ndarray, high: np.ndarray,
 def _noise(power: float, half_angle: float, alpha: float) -> float:
     """A light of this irradiance is met by a random facet the more often, the wider its image in the lobe is.
 
-    Brightness goes as the inverse of that solid angle, the chance as the solid angle: the deviation as the inverse of
-    its root. An angle between lights is half of it between facets.
+    The chance that a facet mirrors the light grows with the solid angle of lobe and light, and its brightness falls
+    with it: the deviation goes as the inverse of the solid angle's root. Normals differ by half as much as directions
+    to lights do.
     """
     return power / max(hypot(alpha, half_angle / 2), float(np.finfo(np.float32).tiny))
 

@@ -1,4 +1,4 @@
-"""The surface of an object in patches at each frame that lights are judged at: rigid motion alone moves them."""
+"""The surface of an object in patches, at each frame for which lights are judged: only rigid motion may move them."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ..seen.coordinates import evaluated_mesh
 from ..seen.scene_views import SceneViews
 from ..seen.surface import PatchesOver, surface_patches
 
-LEAST_SCALING = 1e-3  # relative change of an object's size over an animation that makes its patches others
+LEAST_SCALING = 1e-3  # relative change of an object's size over an animation from which on its patches count as others
 
 
 def patches_over(scene: bpy.types.Scene, thing: bpy.types.Object, views: SceneViews) -> PatchesOver | None:
     """The patches of an object at each frame of `views`, with its largest ratio of scales; None if its shape or place
-    may be any. Found once."""
+    is not known at each of them. Computed once."""
     if thing not in views.surfaces:
         views.surfaces[thing] = _patches_over(scene, thing, views.frames)
     return views.surfaces[thing]

@@ -1,6 +1,6 @@
 """Which lights a material looks for: those whose glints would be noisiest without, for the whole animation at once.
 
-Nothing here depends on the current frame, so that animation does not pop. What cannot be told keeps its light.
+Nothing here depends on the current frame, so that animation does not pop. In doubt a light is looked for.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def choose(
     ranked = sorted((hint for hint in found if hint not in reasons), key=lambda hint: (-worth[hint], hint.order))
     reasons |= dict.fromkeys(ranked[HINT_COUNT:], TOO_MANY)
 
-    # Leave out the dimmest of the rest, as many as matter little together: noise adds by its squares. Of one that is
-    # dark at all frames that were looked at, but moves, nothing is known.
+    # Leave out the dimmest of the rest, as many as matter little together: the squares of their noise add up. A light
+    # that is dark at all frames which were looked at stays, because it may shine at others.
     total = hypot(*(worth[hint] for hint in ranked))
     chance = hypot(*(worth[hint] for hint in ranked[HINT_COUNT:]))
     bright = [hint for hint in ranked if worth[hint] > 0.0]
@@ -76,5 +76,8 @@ def choose(
 
 
 def _visits(chance: float) -> int:
-    """Elements to visit where `chance`, 0..1, of the variance is left to chance: the rest divides by their number."""
+    """Elements to visit where lights without a hint make the part `chance`, 0..1, of the variance.
+
+    The rest of the variance is divided by their number.
+    """
     return LARGEST_VISIT if chance * LARGEST_VISIT <= ENOUGH else max(round(ENOUGH / chance), FEWEST_VISITS)

@@ -1,7 +1,7 @@
 """Which lights a map's facets can mirror to a camera, at any frame, and how noisy their glints are where met by chance.
 
-In doubt a light is mirrored. The test is the shader's (`map_reaches_hint` in osl/light_hint.h) for whole patches of a
-surface and all of an animation: a light whose half vectors stay clear of every facet is not read at all.
+In doubt a light counts as mirrored. The test is the shader's (`map_reaches_hint` in osl/light_hint.h) for whole patches
+of a surface and all of an animation: a light whose half vectors stay clear of every facet gets no hint.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from .patches import patches_over
 
 # Half-width of the selected region in alpha: REGION in osl/light_hint.h.
 REGION = 2.5
-# For what the bounds leave out: normals between corners, the turn within a footprint, a camera moved a little.
+# For what the bounds leave out: normals between corners, their change in a footprint, a camera moved a little.
 MARGIN = np.radians(3.0)
 DEVIATIONS = 3.0  # standard deviations of a map's slopes that its steepest facets are away from the flat
 FLATTEST = 1e-4  # slope: a map without facets still has rounding
@@ -131,7 +131,7 @@ def _judgement(hint: Hint, views: SceneViews, moved: PatchesOver, facets: Facets
             deviations = _noise(hint, matrix, view, patches, met, facets)
             is_soft = is_soft and _is_soft(hint, matrix, patches, deviations)
             noise = max(noise, float(np.linalg.norm(deviations)))
-        # Between two frames the gap may fall as much as it changed from one to the other.
+        # Between two frames a gap may be smaller than at both, by as much as it differs between them.
         change = max((np.abs(after - before).max() for before, after in zip(gaps, gaps[1:], strict=False)), default=0.0)
         reached = reached or bool(min(gap.min() for gap in gaps) <= change)
     return Judgement(reached, noise, is_soft)
@@ -139,7 +139,7 @@ def _judgement(hint: Hint, views: SceneViews, moved: PatchesOver, facets: Facets
 
 def _lamps(hint: Hint, frames: np.ndarray) -> np.ndarray | None:
     """World matrices (f, 4, 4) of a light at each of the frames: for suns with the direction towards it as Z axis, for
-    others with their middle as the place. None if that or how it shines cannot be told."""
+    others with their middle as the place. None if that or how it shines is not known."""
     if hint.direction is not None and hint.live is None:
         matrix = np.eye(4)
         matrix[:3, 2] = hint.direction
