@@ -60,9 +60,9 @@ def camera_views(
     camera: bpy.types.Object, scene: bpy.types.Scene, frames: Collection[float]
 ) -> list[CameraView] | None:
     """What object `camera` sees at each of the `frames`, None if it may see anything: all around, by a lens that
-    changes, or from where keys alone do not say. Matrices must be current."""
+    changes, or from a place that more than keys decides. Matrices must be current."""
     data = camera.data
-    # Blender renders from any object; only cameras say how.
+    # Blender renders from any object, but only a camera has a lens.
     if camera.type != "CAMERA" or data.type not in {"PERSP", "ORTHO"} or not keeps_its_shape(camera):
         return None
     matrices = poses(camera, frames)

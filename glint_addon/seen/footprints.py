@@ -1,7 +1,7 @@
 """Which footprints, in texels, the cameras of a scene see of a map: they decide which levels of counts are baked.
 
 A footprint beyond these renders right too, only noisier or slower; so the range errs on the wide side, and where it
-cannot be told, it is everything.
+is not known, it is everything.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from .mirrors import has_mirrors, renders_mirrors
 # Radius in pixels of the footprint of one of `samples` samples: osl/footprint.h.
 FOOTPRINT_SCALE = 1.1
 FOOTPRINT_EXPONENT = 0.21
-# Largest side of a block relative to the footprint's short semi-axis, for the shader to count blocks: osl/counts.h. The
-# smallest blocks there are serve nearer footprints too, long ones most; these take larger blocks, not more of them.
+# Largest side of a block, in short semi-axes of the footprint, for which the shader reads counts: osl/counts.h. Up to
+# FAR_SIDE_SUBSET where other answers are worse, and up to FAR_SIDE_LONG where too many blocks lie under a footprint.
 FAR_SIDE = 0.7
 FAR_SIDE_SUBSET = 2.5
 FAR_SIDE_LONG = 2.0
@@ -53,7 +53,7 @@ def footprint_range(
     """Smallest and largest short semi-axis, in texels, of a sample's footprint on the map of `group` in `scene`.
 
     uses: (object, material) pairs that have the group; size: (width, height) of the map in texels. mirrored: judge as
-    if mirrors showed every object. The margin is included. (0, inf) where it cannot be told; (inf, 0) if nothing is
+    if mirrors showed every object. The margin is included. (0, inf) where it is not known; (inf, 0) if nothing is
     seen. Matrices must be current. Source of the footprint: osl/footprint.h.
     """
     frames = scene_frames(scene, FRAMES)

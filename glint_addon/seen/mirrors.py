@@ -1,7 +1,7 @@
 """Which surfaces of a scene may show others: by the shader nodes of their materials, at any depth of groups.
 
-What is judged by it asks one question more, because a mistake costs each something else:
-* Footprints count every surface that scatters light anyhow but evenly: a ray that a rough surface or a glint sends on
+Footprints and lights ask for different surfaces, because a mistake costs something different in each:
+* Footprints count every surface that does not scatter light evenly: a ray that a rough surface or a glint sends on
   is as narrow as before, so what it meets has the footprint of the whole way. A range that is too wide costs memory,
   one that is too narrow noise and time.
 * Lights count only what mirrors sharply: a rough surface or the facets of a glint blur what they show so much that the

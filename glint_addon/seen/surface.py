@@ -18,7 +18,7 @@ MOST_CUTS = 6  # of a triangle, each into four; 4096 pieces are more than there 
 class Patches:
     """Pieces of surface. centres, normals (unit): (n, 3); areas: (n,) [m^2]; radii: (n,), of the balls that hold
     them; spreads: (n,) largest angle [rad] between a patch's normal and the shading normals on it; are_closed: whether
-    they are all around something, so that none is seen from behind."""
+    together they enclose a volume, so that none is seen from behind."""
 
     centres: np.ndarray
     areas: np.ndarray
