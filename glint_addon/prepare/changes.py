@@ -1,8 +1,9 @@
 """What a scene was prepared from, and what has changed since: the one place that knows when to prepare again.
 
 A preparation leaves the facts it rests on with the scene, as text: the lights and their kinds, the maps' pixels and how
-they are read, settings. The same facts now, compared with these, are sentences. What drivers follow is no fact: lights
-that move, turn or grow. Nothing here changes data or is slow, unless a map is painted or packed: its pixels are read.
+they are read, settings. The same facts now, compared with these, are sentences. What drivers follow is no fact: where
+lights are, which way they shine, how large they are. Nothing here changes data or is slow, unless a map is painted or
+packed: its pixels are read.
 """
 
 from __future__ import annotations

@@ -29,8 +29,8 @@ TABLE_SHARE, INDEX_SHARE, COUNTS_SHARE = 0.2, 0.3, 0.5
 
 @dataclass
 class DecodedMap:
-    """The map that was decoded last: the next plan may read the same one in another way. Never two at a time, because a
-    large one takes gigabytes."""
+    """The map that was decoded last: the next plan may read the same one in another way. Only one map is kept, because
+    a large one takes gigabytes."""
 
     key: tuple[bpy.types.Image, str] | None = None
     normals: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 3), np.float32))

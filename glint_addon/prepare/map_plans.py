@@ -76,7 +76,7 @@ class MapPlan:
     def tables_ready(self) -> MapTables | None:
         """The tables of the map where none is to be baked, else None.
 
-        Those of a map that is missing are as many as there are: a warning says that it is missing.
+        A map that is missing has what tables are stored, be they too few: a warning says that it is missing.
         """
         if self.stored is None:
             return None

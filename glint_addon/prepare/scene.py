@@ -45,7 +45,7 @@ def prepare_scene(
     well; table_budget: memory in MiB, fractions too, that all tables together may take; both by default the scene's
     own setting. Returns what was done and skipped: "hints" (names of the lights whose glints are enumerated in
     any material), "skipped_lights" ([name, reason] of those in none), "hints_by_material" ({material: [name, ...]}),
-    "left_by_material" ({material: [[name, reason], ...]}: left to chance there), "baked" and "reused" (table paths),
+    "left_by_material" ({material: [[name, reason], ...]}: lights without a hint), "baked" and "reused" (table paths),
     "unseen" (names of the materials left without a table, because no camera sees them), "levels" ({map: [first, last]
     or None}: block sides in texels of the counts, those that the cameras' footprints reach), "mip_levels" (names of the
     images of Glint Image Textures whose levels were baked), "osl" (whether Open Shading Language is on now), "device",

@@ -26,7 +26,7 @@ def is_on(scene: bpy.types.Scene) -> bool:
 def choose_shading_system(scene: bpy.types.Scene, *, is_needed: bool) -> str:
     """Switch Open Shading Language on where `is_needed`, off again where it is not and only Glint had it on.
 
-    Script nodes outside the glints count: Glint's own textures need it, others keep what the user chose. Returns a
+    Script nodes outside the glints count: Glint's textures need OSL, for all others the user's choice stays. Returns a
     sentence if OSL would be of no use to `scene`, else "".
     """
     if not osl_available() or not hasattr(scene, "cycles"):

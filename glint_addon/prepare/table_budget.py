@@ -16,7 +16,7 @@ def fit_budget(plans: Collection[MapPlan], budget: float) -> list[str]:
     A map without table renders through Blender's own nodes, right and noisy; without its finest counts it renders right
     too, and with more noise where its texels are small.
     """
-    # Find out what even the tables of normals cannot do without.
+    # Leave out the largest maps until the tables of normals of the others fit.
     warnings = []
     needed = _bytes(plans)
     left_out = []
