@@ -43,7 +43,7 @@ def local_group(name: str) -> bpy.types.ShaderNodeTree | None:
 
 
 def version_of(group) -> int:
-    """The version of Glint's that a node group of ours is of; 0 for a stamp that no version wrote."""
+    """The version of its kind that a group made by Glint has; 0 for a stamp that no version wrote."""
     return group[STAMP] if isinstance(group[STAMP], int) else 0
 
 

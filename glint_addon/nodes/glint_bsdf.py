@@ -149,7 +149,7 @@ def limit_visits(group, visits: int):
 
 
 def _set_constant(group, name, value):
-    """Groups that no camera sees stay as an older version made them, and may have no such input."""
+    """Set an input of the OSL node, if it has one: groups that no camera sees stay as an older version made them."""
     script = group.nodes.get(SCRIPT_NODE)
     socket = script.inputs.get(name) if script is not None else None
     if socket is not None and socket.default_value != value:
@@ -164,7 +164,7 @@ def _check_sockets(group):
 
 
 def _add_sockets(group) -> list[str]:
-    """Add the sockets that the group lacks, a new group all; returns the names of these inputs."""
+    """Add the sockets that the group lacks (a new group lacks all); returns the names of these inputs."""
     present = {item.name for item in group.interface.items_tree}
     if BSDF.name not in present:
         add_output(group, BSDF)

@@ -1,7 +1,7 @@
 """What a Glint BSDF group reads, and how: Blender's own nodes inside the group say it.
 
-Nothing repeats that: whoever changes these nodes changes what is prepared. An image in a custom property would be lost
-besides, because each preview of a material takes one of its users away.
+No property repeats that: whoever changes these nodes changes what is prepared. An image in a custom property would be
+lost, because each preview of a material takes one of its users away.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def image_read(group) -> bpy.types.Image | None:
 
 
 def nodes_binding(group) -> MapBinding:
-    """What the nodes of a Glint BSDF group say, the properties of one of version 9 or before.
+    """What the nodes of a Glint BSDF group say, or its properties if it is of version 9 or before.
 
     Raises MapError for a way of reading that glints cannot follow, SceneError if one of the nodes is missing.
     """

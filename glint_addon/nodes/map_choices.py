@@ -33,7 +33,7 @@ class Choice:
 
     name: field of `MapBinding`, setting of the operators, and property of the group's node `node`; flag: input of the
     OSL node that is 1 for one value and 0 for all others, and that value, or None where the tables say it; expected:
-    the value that goes without saying.
+    the value that the panel does not mention.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Choice:
         return {value.identifier: value for value in self.values}[identifier]
 
     def identifier(self, native: str) -> str:
-        """Identifier of the value that Blender's own node calls `native`; of others that name in capitals."""
+        """Identifier of the value that Blender's own node calls `native`; of any other name the name in capitals."""
         return {value.native: value.identifier for value in self.values}.get(native, native.upper())
 
 

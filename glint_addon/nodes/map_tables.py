@@ -15,7 +15,7 @@ SCRIPT_NODE = "Glint"  # the OSL node of a Glint BSDF group
 # Where a group keeps the paths of its tables: properties, and sockets of its OSL node. The table of normals is first.
 PATHS = (properties.TABLE, properties.INDEX, properties.COUNTS)
 PATH_SOCKETS = ("Table", "IndexTable", "CountsTable")
-UNBOUNDED = 1e6  # slope: from here on the shader takes a map's slopes to have no bound
+UNBOUNDED = 1e6  # slope: steeper slopes count as unbounded in the shader
 # Kinds of numbers that Blender keeps in an array.
 WHOLE, NUMBERS = ("i",), ("i", "f", "d")
 
@@ -54,7 +54,7 @@ class MapTables:
 
     path: of the table of normals; size: (width, height) of the map in texels; slope_low, slope_high: its smallest and
     largest slopes along u and v; these are None where they are not known; index: path; source: `image_state` of the map
-    whose tables these are, "" where that cannot be told.
+    whose tables these are, "" where that is not known.
     """
 
     path: str = ""

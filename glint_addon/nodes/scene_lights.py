@@ -1,6 +1,6 @@
 """The lights of a scene, as numbers that its glint materials read while it is rendered.
 
-A scene points to a data-block of its own, and that keeps an array of numbers for each set of lights: drivers that
+Each scene points to its own data-block, which keeps an array of numbers for each set of lights: drivers that
 follow the light objects write them (see `lights.drivers`), and the groups "Glint Lights" read them from whatever scene
 is being rendered. The data-block is a node group that no material holds. The numbers must not be properties of the
 scene itself: objects whose drivers read a property of the scene would wait for the lights, and the lights for them.
@@ -32,7 +32,7 @@ def lights_entry(scene, number: int, slot: int, part: int) -> Entry:
 
 
 def own_holder(scene, number: int):
-    """Give `scene` a place for set `number`. What it shares with a scene that it is a copy of becomes its own."""
+    """Give `scene` a place for set `number`. A copy of a scene, which shares that scene's data-block, gets its own."""
     holder = holder_of(scene)
     if holder is None or holder.library is not None or _is_shared(holder, scene):
         name = f".Glint Lights of {scene.name}"
