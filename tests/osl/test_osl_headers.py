@@ -165,6 +165,14 @@ def test_the_constants_of_the_footprint_are_those_of_the_twin():
     assert len(twin) == 5 and twin.items() <= defined.items()
 
 
+def test_the_index_divides_by_the_integral_of_the_kernel():
+    """Its elements are those near a half vector alone, so it cannot sum the weights of all."""
+    source = shader_file("slope_index.h").read_text(encoding="utf-8")
+    (divisor,) = re.findall(r"^  return footprint\.area / ([\d.]+);$", source, re.MULTILINE)
+    t = (np.arange(1000) + 0.5) / 1000  # radius^2, which is uniform over the disk
+    assert abs(footprint.footprint_kernel(t).mean() * float(divisor) - 1.0) < 1e-6
+
+
 def test_kernel_radius_and_samples_of_the_footprint():
     rng = np.random.default_rng(5)
     inputs, (t, samples, a, b) = packed(
