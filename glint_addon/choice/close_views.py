@@ -48,7 +48,7 @@ def _texels_a_footprint(
     materials: Iterable[bpy.types.Material],
     groups: set[bpy.types.ShaderNodeTree],
 ) -> float:
-    """Mean over the pixels that show an object, the largest of all frames and cameras; 0: not seen, inf: who knows."""
+    """Mean over the pixels that show an object, the largest of all frames and cameras; 0: not seen, inf: not known."""
     mesh, surface = rigid_mesh(scene, thing), patches_over(scene, thing, views)
     matrices = places(thing, views.frames)
     if mesh is None or surface is None or matrices is None:

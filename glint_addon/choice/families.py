@@ -1,7 +1,7 @@
 """Which materials look for the same lights.
 
-A material that holds its glints inside a group of the user's cannot be told from others that use that group: all such
-materials look for one set of lights.
+Materials that hold their glints inside one group of the user's share what is in that group: they look for one set of
+lights.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def _held_family(
 
 
 def _is_free(material: bpy.types.Material, groups: tuple[bpy.types.ShaderNodeTree, ...]) -> bool:
-    """Whether another group may take the place of each of `groups` in a material: it holds them itself."""
+    """Whether a material holds each of `groups` itself, so that another group may take its place."""
     own = {node.node_tree for node in _nodes(material)}
     return material.library is None and material.override_library is None and set(groups) <= own and not _holds_deeper(
         material.node_tree)

@@ -66,6 +66,6 @@ def _sights(view: CameraView, patches: Patches) -> tuple[np.ndarray, np.ndarray]
 
 
 def _cone(radius: np.ndarray | float, distance: np.ndarray) -> np.ndarray:
-    """Half-angle [rad] of balls at some distance: all around from within."""
+    """Half-angle [rad] under which a ball is seen from `distance` to its middle; pi from within it."""
     is_outside = distance > radius
     return np.where(is_outside, np.arcsin(np.where(is_outside, radius / np.maximum(distance, 1e-12), 0.0)), np.pi)

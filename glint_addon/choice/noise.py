@@ -66,7 +66,7 @@ def noise_in_remainder(hint: Hint, boxes: Boxes, frames: np.ndarray, alpha: floa
 
 
 def boxes_over(objects: Collection[bpy.types.Object], frames: np.ndarray, copied: CopiedPlaces | None = None) -> Boxes:
-    """Boxes of objects at the `frames`; one whose place cannot be told is where the middle of the others is.
+    """Boxes of objects at the `frames`; those whose place is not known are a point in the middle of the others.
 
     copied: `receivers.copied_places` of those that have copies, which are taken to stay where they are.
     """
@@ -83,8 +83,8 @@ def boxes_over(objects: Collection[bpy.types.Object], frames: np.ndarray, copied
 
 
 def _places_of(hint: Hint, frames: np.ndarray) -> np.ndarray | None:
-    """World matrices (f, 4, 4) of a light at the frames, None if they cannot be told; of a copy that no driver follows
-    and that never moves any one matrix."""
+    """World matrices (f, 4, 4) of a light at the frames, None if they are not known. A copy that no driver
+    follows and that never moves has the unit matrix at all frames, because only its motion is asked for."""
     if not hint.instance:
         return places(hint.object, frames)
     instancer = hint.instance.instancer
@@ -110,7 +110,7 @@ def _noise_at(hint: Hint, matrix: np.ndarray, low: np.ndarray, high: np.ndarray,
 
 
 def _noise(power: float, half_angle: float, alpha: float) -> float:
-    """A light of this irradiance is met by a random facet the more often, the wider its image in the lobe is.
+    """Standard deviation of the glints of a light of irradiance `power`, met by random facets.
 
     The chance that a facet mirrors the light grows with the solid angle of lobe and light, and its brightness falls
     with it: the deviation goes as the inverse of the solid angle's root. Normals differ by half as much as directions
@@ -120,7 +120,7 @@ def _noise(power: float, half_angle: float, alpha: float) -> float:
 
 
 def _may_be_brighter(light: bpy.types.ID) -> bool:
-    """Whether something but keys changes the light's power or shape, or keys its shape, or anything its nodes."""
+    """Whether a light may become brighter by more than keys of its energy: by drivers, other keys, or its nodes."""
     tree = getattr(light, "node_tree", None)  # meshes have none
     if tree is not None and tree.animation_data is not None:
         return True

@@ -53,7 +53,7 @@ class Facets:
 
 
 def facets_of(nodes: tuple[bpy.types.ShaderNode, ...]) -> Facets | None:
-    """The facets of a material whose glints come from the group nodes `nodes`; None if they cannot be told."""
+    """The facets of a material whose glints come from the group nodes `nodes`; None if they are not known."""
     known = [facets for facets in map(_facets, nodes) if facets is not None]
     if len(known) < len(nodes) or not known:
         return None
@@ -78,7 +78,7 @@ def judgements(
     facets: Facets | None,
     hints: Iterable[Hint],
 ) -> dict[Hint, Judgement] | None:
-    """What `facets` on the objects show of each of the hints, the largest of all objects; None if it cannot be told.
+    """What `facets` on the objects show of each of the hints, the largest of all objects; None if that is not known.
 
     Matrices must be current.
     """

@@ -21,13 +21,13 @@ _homes: dict[Path, None] = {}
 
 
 def register() -> None:
-    """Look after tables whenever a file is saved, opened or appended from."""
+    """Let tables follow whenever a file is saved, opened or appended from."""
     for handlers, function in _handlers():
         handlers.append(function)
 
 
 def unregister() -> None:
-    """Look after them no more."""
+    """Let tables follow no more."""
     for handlers, function in _handlers():
         handlers.remove(function)
     _homes.clear()

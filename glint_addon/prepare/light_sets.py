@@ -61,7 +61,7 @@ def _connect(scene: bpy.types.Scene, families: list[Family], choices: list[Choic
     lights = {number: glint_lights.build_set(number) for number in sorted(set(numbers))}
     foreign = _foreign_groups(scene, families)
 
-    # Groups that must stay keep their place; all others are dealt out anew, by name.
+    # Groups that must stay keep their place; all others are assigned anew, by name.
     taken: dict[bpy.types.ShaderNodeTree, bpy.types.ShaderNodeTree] = {}
     for family, number in zip(families, numbers, strict=True):
         if not family.nodes:
@@ -90,7 +90,7 @@ def _connect(scene: bpy.types.Scene, families: list[Family], choices: list[Choic
 
 
 def _set_numbers(scene: bpy.types.Scene, families: list[Family], choices: list[Choice]) -> list[int]:
-    """The number of the set for each family: the same for the same lights, unless another scene tells them apart."""
+    """The number of the set for each family: the same for the same lights, unless they differ in another scene."""
     others = [each for each in bpy.data.scenes if each != scene and each.library is None]
     numbers: list[int] = []
     lights: dict[int, frozenset[Hint] | None] = {number: None for family in families for number in family.sets}
@@ -158,14 +158,14 @@ def _reads(group: bpy.types.ShaderNodeTree) -> tuple[MapBinding | bpy.types.Shad
 
 
 def _foreign_groups(scene: bpy.types.Scene, families: list[Family]) -> set[bpy.types.ShaderNodeTree]:
-    """Glint BSDF groups in materials that only other scenes have; those go on reading the sets that they read."""
+    """Glint BSDF groups in materials that only other scenes have; these groups keep their sets."""
     own = {material for family in families for material in family.materials}
     others = [each for each in bpy.data.scenes if each != scene]
     return {group for other in others for material in _materials(other) - own for group in glint_groups(material)}
 
 
 def _materials(scene: bpy.types.Scene) -> set[bpy.types.Material]:
-    """All that a scene shows, in its collection instances too; only of a prepared scene does the answer matter."""
+    """All materials that a scene shows, in its collection instances too; it matters for prepared scenes only."""
     layers = [layer for layer in scene.view_layers if layer.use]
     for layer in layers:
         if layer.depsgraph is None and scene.get(HOLDER) is not None:

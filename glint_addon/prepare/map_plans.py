@@ -140,7 +140,7 @@ def _plan(groups: list[bpy.types.ShaderNodeTree], folder: Path, states: ImageSta
 
 
 def _with_stored(levels: tuple[int, int] | None, counts: CountsTable, keep_levels: bool) -> tuple[int, int] | None:
-    """The levels to use where `levels` are needed and `counts` are stored: a wider file that is there is as good."""
+    """The levels to use where `levels` are needed and `counts` are stored: a file with more levels is as good."""
     if not counts.path or counts.levels is None or levels is None and not keep_levels:
         return levels
     first, last = counts.levels

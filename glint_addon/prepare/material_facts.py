@@ -40,7 +40,7 @@ def object_facts(uses: Uses) -> dict[str, list[str]]:
 def changed_materials(
     before: dict[str, list[list[str]]], now: dict[str, list[list[str]]], digests: dict[str, str]
 ) -> list[str]:
-    """Sentences on materials. digests: {map: `file_digest`} of the maps before, which tell copies of a file."""
+    """Sentences on materials. digests: {map: `file_digest`} of the maps before, by which a copy of a file is known."""
     sentences = [f'Material "{name}" shows glints now.' for name in now if name not in before]
     for name in sorted(now.keys() & before.keys()):
         if len(now[name]) != len(before[name]):
@@ -52,7 +52,7 @@ def changed_materials(
 
 
 def changed_objects(before: dict[str, list[str]], now: dict[str, list[str]]) -> list[str]:
-    """Objects whose footprints and lights nobody has judged; what no longer shows glints does no harm."""
+    """Objects whose footprints and lights nobody has judged; objects that no longer show glints change nothing."""
     return sorted(f'Object "{name}" shows glints now.' for name in now
                   if name not in before or set(now[name]) - set(before[name]))
 

@@ -28,8 +28,8 @@ class SceneViews:
 
 
 def scene_views(scene: bpy.types.Scene) -> SceneViews | None:
-    """What the cameras of a scene see, None if that cannot be told, if there are copies of objects, or if diffuse
-    surfaces show glints, which see all around them."""
+    """What the cameras of a scene see, None if that is not known, if there are copies of objects, or if diffuse
+    surfaces show glints: they see all that is around them."""
     frames = chosen_frames(scene)
     cameras = all_camera_views(scene, frames)
     if not cameras or _shows_caustics(scene) or any(copies_others(thing) for thing in scene.objects):

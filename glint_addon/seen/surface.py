@@ -119,7 +119,7 @@ def _triangles(mesh: bpy.types.Mesh, matrix: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _cut(corners: np.ndarray) -> np.ndarray:
-    """Four triangles (4 n, 3, 3) from each, cut between the middles of its sides; normals stay as good as unit ones."""
+    """Four triangles (4 n, 3, 3) from each, cut between the middles of its sides; normals stay nearly unit vectors."""
     a, b, c = corners.transpose(1, 0, 2)
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
     four = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))

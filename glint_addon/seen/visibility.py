@@ -41,7 +41,7 @@ def _fixed_view(camera: bpy.types.Object, scene: bpy.types.Scene) -> CameraView 
 
 
 def _may_meet(view: CameraView, corners: np.ndarray) -> bool:
-    """Whether a camera may see the convex hull of `corners`, (n, 3) in world space; errs on the side of yes."""
+    """Whether a camera may see the convex hull of `corners`, (n, 3) in world space; in doubt it may."""
     if view.focus is None:
         return True
     local = corners @ view.inverse[:3, :3].T + view.inverse[:3, 3]
