@@ -27,7 +27,7 @@ test: $(STAMP)  ## Run the tests (ARGS="-k words" chooses, ARGS="-m stress -k wo
 	@$(PYTEST) $(if $(findstring tests/,$(ARGS)),,-m "not stress" )$(ARGS)
 
 stress: $(STAMP)  ## Run what is statistical and list every stress case in benchmarks/RESULTS.md
-	@$(PYTEST) -m stress --stress-report benchmarks/results/stress.json
+	@$(PYTEST) -m stress tests --stress-report benchmarks/results/stress.json
 	@$(VENV_PYTHON) -m benchmarks report
 
 lint: $(STAMP)  ## Check the style and the types

@@ -4,8 +4,8 @@ import bpy
 
 from ..nodes.glint_bsdf import is_glint_group
 from ..nodes.map_binding import map_of
+from ..prepare.memory import mebibytes
 from ..prepare.report import Report
-from ..prepare.table_budget import mebibytes
 from ..prepare.watch import look_at
 from ..properties import IMAGE_TEXTURE
 from .failing_softly import FailsSoftly

@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 
+from ..prepare.memory import DEFAULT_BUDGET
 from ..prepare.report import Report
-from ..prepare.table_budget import DEFAULT_BUDGET
 
 RENDERED_IMAGES = {"RENDER_RESULT", "COMPOSITING"}  # image types that hold no file or pixels of their own
 

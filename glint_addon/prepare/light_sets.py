@@ -51,7 +51,11 @@ def connect_lights(scene: bpy.types.Scene, uses: Uses, report: Report) -> dict[b
     skipped = sorted(skipped + [(hint.name, reasons[hint.name]) for hint in found if hint not in used])
     chosen = {material: choice for family, choice in zip(families, choices, strict=True)
               for material in family.materials}
-    report.add_lights([hint.name for hint in found if hint in used], skipped, chosen)
+    report.hints = [hint.name for hint in found if hint in used]
+    report.skipped_lights = [list(pair) for pair in skipped]
+    for material, choice in chosen.items():
+        report.hints_by_material[material.name] = [hint.name for hint in choice.hints]
+        report.left_by_material[material.name] = [list(pair) for pair in choice.left]
     return chosen
 
 

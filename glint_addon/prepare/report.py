@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
-
-import bpy
-
-from ..choice.ranking import Choice
 
 
 @dataclass
@@ -46,19 +41,6 @@ class Report:
         """Add a table that so many groups read: baked once, if it was, and reused by the other groups."""
         self.baked += [str(path)] * was_baked
         self.reused += [str(path)] * (groups - was_baked)
-
-    def add_lights(
-        self, hints: Iterable[str], skipped: Iterable[tuple[str, str]], choices: dict[bpy.types.Material, Choice]
-    ) -> None:
-        """Add the lights that any material looks for, and of the others why none does.
-
-        hints: names; skipped: (name, reason); choices: {material: its `choice.ranking.Choice`}.
-        """
-        self.hints = list(hints)
-        self.skipped_lights = [list(pair) for pair in skipped]
-        for material, choice in choices.items():
-            self.hints_by_material[material.name] = [hint.name for hint in choice.hints]
-            self.left_by_material[material.name] = [list(pair) for pair in choice.left]
 
     def count_tables(self) -> None:
         """Count the tables that were added; their files must be there."""

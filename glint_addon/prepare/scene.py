@@ -23,10 +23,11 @@ from .jobs import Job, Steps, finished
 from .light_sets import connect_lights
 from .map_bake import DecodedMap, bake_plan
 from .map_plans import MapPlan, map_plans, named_levels
+from .memory import DEFAULT_BUDGET
 from .report import Report
 from .scene_warnings import device, reads_scene, scene_warnings
 from .shading_system import choose_shading_system, is_on
-from .table_budget import DEFAULT_BUDGET, fit_budget
+from .table_budget import fit_budget
 from .table_files import keep_tables
 from .uses import Uses, glint_uses, regrouped
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 
 from .map_plans import MapPlan
-
-MIB = 2**20
-DEFAULT_BUDGET = 2048  # MiB: four maps of 4096^2 with all counts
+from .memory import MIB, mebibytes
 
 
 def fit_budget(plans: Collection[MapPlan], budget: float) -> list[str]:
@@ -55,9 +53,3 @@ def _names(plans: Iterable[MapPlan]) -> str:
     """ 'The normal map "a" is' or 'The normal maps "a", "b" are'."""
     names = sorted({f'"{plan.image.name}"' for plan in plans})
     return f"The normal map {names[0]} is" if len(names) == 1 else f"The normal maps {', '.join(names)} are"
-
-
-def mebibytes(count: float) -> str:
-    """Bytes as "12.3 MiB": three digits, and all of a whole number that has more."""
-    size = count / MIB
-    return f"{size:.3g} MiB" if size < 999.5 else f"{size:.0f} MiB"

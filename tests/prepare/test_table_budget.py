@@ -3,8 +3,8 @@
 import pytest
 
 from glint_addon.operators.prepare import counts_line
+from glint_addon.prepare.memory import DEFAULT_BUDGET, MIB, mebibytes
 from glint_addon.prepare.report import Report, ReportCounts
-from glint_addon.prepare.table_budget import DEFAULT_BUDGET, MIB, mebibytes
 
 
 @pytest.mark.parametrize(("count", "words"), [
