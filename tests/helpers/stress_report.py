@@ -68,7 +68,8 @@ class _Collector:
 
     def pytest_sessionfinish(self):
         file = self.config.getoption(OPTION)
-        if file is not None and not hasattr(self.config, "workerinput"):
+        is_run = not self.config.option.collectonly  # or the stored report would be emptied
+        if file is not None and is_run and not hasattr(self.config, "workerinput"):
             lines = sorted(self.config.stash[_LINES], key=lambda line: (line["group"], line["case"]))
             _write(file, {"blender": bpy.app.version_string, "cases": lines})
 

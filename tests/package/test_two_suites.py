@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-# Collects the tests with the -m of each target, in one process, and writes {target: [[id, facts], ...]}.
+# Collects the tests with the arguments of each target, in one process, and writes {target: [[id, facts], ...]}.
 _COLLECT = """
 import json, sys, pytest
 
@@ -27,9 +28,9 @@ class Noted:
             self.chosen.append([item.nodeid, facts])
 
 found = {}
-for target, expression in json.loads(sys.argv[1]).items():
+for target, arguments in json.loads(sys.argv[1]).items():
     noted = Noted()
-    code = pytest.main(["--collect-only", "-qq", "-m", expression], plugins=[noted])
+    code = pytest.main(["--collect-only", "-qq", *arguments], plugins=[noted])
     assert code == 0, f"collecting for {target} ended with {code}"
     found[target] = noted.chosen
 with open(sys.argv[2], "w") as file:
@@ -43,10 +44,10 @@ def recipe(target: str) -> str:
     return re.search(rf"^{target}:.*\n((?:\t.*\n)+)", text, re.MULTILINE)[1]
 
 
-def marks(target: str) -> str:
-    """What a target gives pytest as -m."""
-    quoted, word = re.search(r'-m (?:"([^"]+)"|(\w+)) ', recipe(target).replace("-m pytest", "")).groups()
-    return quoted or word
+def arguments(target: str) -> list[str]:
+    """What a target gives pytest where ARGS are empty."""
+    line = recipe(target).partition("\n")[0].partition("$(PYTEST) ")[2]
+    return shlex.split(re.sub(r"\$\(if .*,,(.*)\)\$\(ARGS\)", r"\1", line))
 
 
 @pytest.fixture(scope="module")
@@ -56,12 +57,17 @@ def collected(tmp_path_factory) -> dict:
     All 3,000 tests are imported in a process of its own, once: 8 s of processor time.
     """
     file = tmp_path_factory.mktemp("collected") / "tests.json"
-    expressions = {"test": marks("test"), "stress": marks("stress"), "all": ""}
+    given = {"test": arguments("test"), "stress": arguments("stress"), "all": []}
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
-    command = [sys.executable, "-c", _COLLECT, json.dumps(expressions), str(file)]
+    command = [sys.executable, "-c", _COLLECT, json.dumps(given), str(file)]
     ended = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stdout[-2000:] + ended.stderr[-2000:]
     return {target: dict(found) for target, found in json.loads(file.read_text(encoding="utf-8")).items()}
+
+
+def test_the_targets_choose_by_the_mark():
+    assert arguments("test") == ["-m", "not stress"]
+    assert arguments("stress") == ["-m", "stress", "tests", "--stress-report", "benchmarks/results/stress.json"]
 
 
 def test_every_test_is_in_one_of_both_suites(collected):
