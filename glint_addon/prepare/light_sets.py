@@ -51,12 +51,19 @@ def connect_lights(scene: bpy.types.Scene, uses: Uses, report: Report) -> dict[b
     skipped = sorted(skipped + [(hint.name, reasons[hint.name]) for hint in found if hint not in used])
     chosen = {material: choice for family, choice in zip(families, choices, strict=True)
               for material in family.materials}
-    report.hints = [hint.name for hint in found if hint in used]
+    report_lights(report, [hint.name for hint in found if hint in used], skipped, chosen)
+    return chosen
+
+
+def report_lights(
+    report: Report, hints: list[str], skipped: list[tuple[str, str]], choices: dict[bpy.types.Material, Choice]
+) -> None:
+    """Tell `report` the lights that any material looks for, by name, why the others are skipped, and each choice."""
+    report.hints = hints
     report.skipped_lights = [list(pair) for pair in skipped]
-    for material, choice in chosen.items():
+    for material, choice in choices.items():
         report.hints_by_material[material.name] = [hint.name for hint in choice.hints]
         report.left_by_material[material.name] = [list(pair) for pair in choice.left]
-    return chosen
 
 
 def _connect(scene: bpy.types.Scene, families: list[Family], choices: list[Choice], ways: dict[Hint, Way]) -> None:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from glint_addon import prepare_scene
 from glint_addon.choice.ranking import Choice
+from glint_addon.prepare.light_sets import report_lights
 from glint_addon.prepare.report import Report
 
 # Scripts read these: none may go.
@@ -55,7 +56,7 @@ def test_lights_are_named_with_the_materials_that_look_for_them():
     report = Report()
     choices = {Named("Snow"): Choice((Named("Sun"), Named("Lamp")), ()),
                Named("Paint"): Choice((Named("Sun"),), (("Lamp", "it is out of reach"),))}
-    report.add_lights(["Lamp", "Sun"], [("Moon", "it is too dim")], choices)
+    report_lights(report, ["Lamp", "Sun"], [("Moon", "it is too dim")], choices)
     assert report.hints == ["Lamp", "Sun"] and report.skipped_lights == [["Moon", "it is too dim"]]
     assert report.hints_by_material == {"Snow": ["Sun", "Lamp"], "Paint": ["Sun"]}
     assert report.left_by_material == {"Snow": [], "Paint": [["Lamp", "it is out of reach"]]}
