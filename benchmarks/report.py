@@ -23,6 +23,8 @@ OTHERS = {
     "no_hints": "A scene without small lights",
     "lights": "Kinds of light",
     "light_size": "A sun of any size",
+    "by_nodes": "By nodes alone, without Open Shading Language",
+    "gpu": "By nodes alone, on a GPU",
     "denoise": "Denoising",
     "bake": "Baking, and the start of a render",
 }

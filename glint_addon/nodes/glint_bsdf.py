@@ -1,4 +1,4 @@
-"""Glint BSDF: a normal map's glints, through OSL where Cycles has it, else Blender's own nodes.
+"""Glint BSDF: a normal map's glints, through OSL where Cycles has it, else by nodes (`places`).
 
 The map belongs to the group, not to a socket: OSL needs its table's file name as a constant, and node groups have no
 string sockets. So there is one group for each map and way of reading it: "Glint BSDF", "Glint BSDF.001", ...
@@ -12,8 +12,20 @@ import bpy
 from ..errors import MapError, SceneError
 from ..images import data_image
 from ..properties import OLD_INTERPOLATION, OLD_PROPERTIES, STAMP
-from . import glint_lights
-from .builder import Socket, add_input, add_node, add_output, arrange, local_group, new_group, version_of
+from . import glint_lights, places
+from .builder import (
+    Socket,
+    add_input,
+    add_math,
+    add_mix,
+    add_node,
+    add_output,
+    arrange,
+    feed,
+    local_group,
+    new_group,
+    version_of,
+)
 from .driven import Driven, Variable, write_number
 from .map_binding import ORIGINAL_NODE, MapBinding, is_old, map_of, nodes_binding, write_reading
 from .map_choices import CHOICES, FACETS_NODE, IMAGE_NODE, NORMAL_NODE
@@ -21,12 +33,30 @@ from .map_tables import SCRIPT_NODE, forget_table
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
-VERSION = 10
+VERSION = 11
 LIGHTS_NODE = "Lights"
 CAUSTICS_NODE = "Caustics"
 UV_NODE = "UV Map"
 MIX_NODE = "OSL or native"
-OWN_NODES = (SCRIPT_NODE, LIGHTS_NODE, CAUSTICS_NODE, UV_NODE, MIX_NODE)
+WAY_NODE = "OSL renders"
+# By nodes alone: the places' own copies of the nodes that read the map, and what chooses between them and plain nodes.
+PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE = "Places Image", "Tangent", "Bitangent"
+KEPT_NORMAL, KEPT_FACETS, OWN_FACETS, PLACES_MIX = "Kept Normal", "Kept Facets", "Own Facets", "Places or plain"
+OSL_NODES = (SCRIPT_NODE, CAUSTICS_NODE, MIX_NODE)
+OWN_NODES = (LIGHTS_NODE, UV_NODE, WAY_NODE)
+PLACES_NODES = (places.COUNT_NODE, PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL, KEPT_FACETS, OWN_FACETS,
+                PLACES_MIX)
+# Colours that a normal map has for its two axes.
+AXES = {TANGENT_NODE: (1.0, 0.5, 0.5, 1.0), BITANGENT_NODE: (0.5, 1.0, 0.5, 1.0)}
+
+# Whether Cycles runs the OSL lobe, in the scene that is being rendered: on a GPU it has too few closures.
+OSL_RENDERS = Driven(
+    "1 if device < 1 and osl > 0 else 0",
+    (
+        Variable("device", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.device"),
+        Variable("osl", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.shading_system"),
+    ),
+)
 
 # Whether glints are enumerated after diffuse bounces too, in the scene that is being rendered: where Cycles shows what
 # facets throw on their neighbours, and does not blur it by Filter Glossy, which leaves nothing to gain.
@@ -121,9 +151,13 @@ def refresh(group):
     """
     binding = group_binding(group)
     if version_of(group) != VERSION or osl_available() and not _is_complete(group):
+        counter = places.count_node(group)
+        count = counter.integer if counter is not None else places.DEFAULT_COUNT
         group.nodes.clear()
         _give_defaults(group, _add_sockets(group))
         _add_nodes(group, binding)
+        if places.count_node(group) is not None:
+            places.count_node(group).integer = count
         arrange(group)
         for name in OLD_PROPERTIES:
             group.pop(name, None)
@@ -135,7 +169,13 @@ def refresh(group):
 
 def _is_complete(group) -> bool:
     """Whether the nodes that Blender's own do not replace are all there, and the shader is compiled."""
-    return all(name in group.nodes for name in OWN_NODES) and bool(group.nodes[SCRIPT_NODE].bytecode)
+    names = (*OSL_NODES, *OWN_NODES, *(PLACES_NODES if map_of(group) is not None else ()))
+    return all(name in group.nodes for name in names) and bool(group.nodes[SCRIPT_NODE].bytecode)
+
+
+def _has_places(group) -> bool:
+    """Whether the group can choose among places of its map."""
+    return map_of(group) is not None and all(name in group.nodes for name in PLACES_NODES)
 
 
 def share_closures(group, lobes: int):
@@ -190,18 +230,24 @@ def _add_nodes(group, binding):
     source = add_node(group, "NodeGroupInput")
     output = add_node(group, "NodeGroupOutput")
     glossy = _add_native_nodes(group, binding, source)
-    script = add_script_node(group, "glint.osl", SCRIPT_NODE)
-    if script is None:
-        group.links.new(glossy, output.inputs[BSDF.name])
-        return
-
     lights = add_node(group, "ShaderNodeGroup", LIGHTS_NODE, node_tree=glint_lights.build())
     # Where nothing is connected to Vector: the active UV map, which the Image Texture then takes by itself.
-    coordinates = add_node(group, "ShaderNodeUVMap", UV_NODE)
+    coordinates = add_node(group, "ShaderNodeUVMap", UV_NODE).outputs["UV"]
+    way = add_node(group, "ShaderNodeValue", WAY_NODE).outputs["Value"]
+    choose_way(group)
+    native = glossy
+    if binding.image is not None:
+        native = _add_places(group, source, lights, coordinates, glossy)
+    script = add_script_node(group, "glint.osl", SCRIPT_NODE)
+    if script is None:
+        _follow_nodes(group, binding)
+        group.links.new(native, output.inputs[BSDF.name])
+        return
+
     _follow_nodes(group, binding)
     links = [(source.outputs[socket.name], script.inputs[socket.name]) for socket in (COLOR, ROUGHNESS, STRENGTH)]
     links.append((source.outputs[VECTOR.name], script.inputs["UV"]))
-    links.append((coordinates.outputs["UV"], script.inputs["MapUV"]))
+    links.append((coordinates, script.inputs["MapUV"]))
     links.append((glossy, script.inputs["Fallback"]))
     for name in glint_lights.output_names():
         # The shader's names have no spaces: Light1.
@@ -210,18 +256,67 @@ def _add_nodes(group, binding):
     write_number(caustics, CAUSTICS)
     links.append((caustics, script.inputs["Caustics"]))
 
-    # Without OSL the Script node vanishes and the factor takes its own value, 0: Blender's own nodes.
+    # Without OSL the Script node vanishes and the factor takes its own value, 0: by nodes. Cycles knows a product with
+    # 0 before the render, so that only one of both ways is compiled.
+    factor = add_math(group, "MULTIPLY", 0.0, way)
+    links.append((script.outputs["Active"], factor.node.inputs[0]))
     mix = add_node(group, "ShaderNodeMixShader", MIX_NODE, inputs={"Factor": 0.0})
-    links.append((script.outputs["Active"], mix.inputs["Factor"]))
-    links.append((glossy, mix.inputs[1]))
+    links.append((factor, mix.inputs["Factor"]))
+    links.append((native, mix.inputs[1]))
     links.append((script.outputs["BSDF"], mix.inputs[2]))
     links.append((mix.outputs[0], output.inputs[BSDF.name]))
     for one, other in links:
         group.links.new(one, other)
 
 
+def choose_way(group, *, by_nodes: bool = False):
+    """Let the group render through OSL where the scene's settings say so, or always `by_nodes`."""
+    way = group.nodes.get(WAY_NODE)
+    if way is not None:
+        write_number(way.outputs["Value"], OSL_RENDERS if osl_available() and not by_nodes else 0.0)
+
+
+def _add_places(group, source, lights, coordinates, glossy):
+    """The same surface with less noise, see `places`, and plain where that is of no use; returns the BSDF output."""
+    roughness, strength = source.outputs[ROUGHNESS.name], source.outputs[STRENGTH.name]
+    vector = source.outputs[VECTOR.name]
+    is_connected = add_math(group, "GREATER_THAN", add_math(group, "LENGTH", vector, vector=True), 0.0)
+    coordinates = add_mix(group, "VECTOR", is_connected, coordinates, vector, "Coordinates")
+    texture = add_node(group, "ShaderNodeTexImage", PLACES_IMAGE, image=group.nodes[IMAGE_NODE].image)
+    frame = [add_node(group, "ShaderNodeNormalMap", name, inputs={"Color": colour}).outputs["Normal"]
+             for name, colour in AXES.items()]
+    found = places.add_places(group, texture, group.nodes[IMAGE_NODE].outputs["Color"], frame, lights, {
+        "Coordinates": coordinates, "Roughness": roughness, "Strength": strength})
+    kept_normal = add_node(group, "ShaderNodeNormalMap", KEPT_NORMAL)
+    group.links.new(found.kept, kept_normal.inputs["Color"])
+    group.links.new(strength, kept_normal.inputs["Strength"])
+    lobes = add_node(group, "ShaderNodeAddShader")
+    parts = ((KEPT_FACETS, kept_normal, found.kept_weight), (OWN_FACETS, group.nodes[NORMAL_NODE], found.own_weight))
+    for (name, normal, weight), into in zip(parts, lobes.inputs, strict=True):
+        lobe = add_node(group, "ShaderNodeBsdfAnisotropic", name)
+        feed(group, lobe.inputs["Color"], add_math(group, "SCALE", source.outputs[COLOR.name], weight, vector=True))
+        feed(group, lobe.inputs["Roughness"], roughness)
+        feed(group, lobe.inputs["Normal"], normal.outputs["Normal"])
+        group.links.new(lobe.outputs["BSDF"], into)
+
+    # After a diffuse bounce the view comes from so near and wide that a footprint would blur; Cycles skips what is
+    # behind a factor of 0, and compiles none of it where the factor is 0 before the render.
+    bounced = add_node(group, "ShaderNodeLightPath").outputs["Is Diffuse Ray"]
+    is_useful = add_math(group, "MULTIPLY", found.is_useful, add_math(group, "SUBTRACT", 1.0, bounced))
+    by_nodes = add_math(group, "SUBTRACT", 1.0, group.nodes[WAY_NODE].outputs["Value"])
+    mix = add_node(group, "ShaderNodeMixShader", PLACES_MIX)
+    for socket, shader in zip(mix.inputs, (add_math(group, "MULTIPLY", by_nodes, is_useful), glossy, lobes.outputs[0]),
+                              strict=True):
+        group.links.new(shader, socket)
+    return mix.outputs[0]
+
+
 def _follow_nodes(group, binding):
-    """Let the OSL node, if there is one, read the map as Blender's own nodes do."""
+    """Let the places and the OSL node, where there are any, read the map as Blender's own nodes do."""
+    if _has_places(group):
+        write_reading(group, binding, {IMAGE_NODE: (PLACES_IMAGE,), FACETS_NODE: (KEPT_FACETS, OWN_FACETS),
+                                       NORMAL_NODE: (TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL)})
+        places.follow_reading(group, binding.image.size, binding.distribution == "GGX")
     script = group.nodes.get(SCRIPT_NODE)
     if script is None:
         return
@@ -263,8 +358,9 @@ def follow_map(group, states=None):
 def _read_map(group, image, states=None):
     texture, original = group.nodes[IMAGE_NODE], group.nodes.get(ORIGINAL_NODE)
     wanted = data_image(image, texture.image, states) if image is not None else None
-    if texture.image != wanted:
-        texture.image = wanted
+    for node in (texture, group.nodes.get(PLACES_IMAGE)):
+        if node is not None and node.image != wanted:
+            node.image = wanted
     if texture.image != image:
         original = original or add_node(group, "ShaderNodeTexImage", ORIGINAL_NODE)
         if original.image != image:

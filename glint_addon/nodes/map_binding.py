@@ -82,11 +82,17 @@ def nodes_binding(group) -> MapBinding:
     return MapBinding(map_of(group), uv_map=nodes[NORMAL_NODE].uv_map, **chosen)
 
 
-def write_reading(group, binding: MapBinding):
-    """Let Blender's own nodes in a group say how `binding` is read; see `glint_bsdf.follow_map` for its image."""
-    for name, choice in CHOICES.items():
-        setattr(group.nodes[choice.node], name, choice.value(getattr(binding, name)).native)
-    group.nodes[NORMAL_NODE].uv_map = binding.uv_map
+def write_reading(group, binding: MapBinding, copies=None):
+    """Let Blender's own nodes in a group say how `binding` is read; see `glint_bsdf.follow_map` for its image.
+
+    copies: {name of one of these nodes: names of the nodes that are to say the same instead}.
+    """
+    copies = copies or {name: (name,) for name in (IMAGE_NODE, NORMAL_NODE, FACETS_NODE)}
+    values = [(choice.node, name, choice.value(getattr(binding, name)).native) for name, choice in CHOICES.items()]
+    for original, name, value in (*values, (NORMAL_NODE, "uv_map", binding.uv_map)):
+        for node in (group.nodes[copy] for copy in copies[original]):
+            if getattr(node, name) != value:
+                setattr(node, name, value)
 
 
 def is_old(group) -> bool:

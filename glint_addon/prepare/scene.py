@@ -84,6 +84,9 @@ def preparation(
 
     others_look = _other_files_look(found, lit)
     _use_tables(baked)
+    for group in lit:
+        if group.library is None:
+            glint_bsdf.choose_way(group, by_nodes=scene.render.engine != "CYCLES")
     if lit:
         _bound_work(connect_lights(scene, lit, report))
     keep_tables()

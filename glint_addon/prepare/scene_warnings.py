@@ -33,8 +33,8 @@ def _setting_warnings(scene: bpy.types.Scene) -> list[str]:
     warnings = []
     if not osl_available():
         warnings.append(NO_OSL)
-    if scene.render.engine != "CYCLES":
-        warnings.append(f"The render engine is {scene.render.engine}: choose Cycles to render glints.")
+    if scene.render.engine not in ("CYCLES", "BLENDER_EEVEE"):
+        warnings.append(f"The render engine is {scene.render.engine}: choose Cycles or EEVEE to render glints.")
     if device(scene) == "GPU":
         warnings.append(ON_GPU)
     if scene.render.use_simplify and getattr(scene.cycles, "texture_limit_render", "OFF") != "OFF":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..lights.hints import rendered_layers
+from .shading_system import is_on
 
 # Footprints have a margin for so much more or less resolution (`footprints.MARGIN`).
 LARGEST_ZOOM = 2.0
@@ -23,7 +24,7 @@ def setting_facts(scene: bpy.types.Scene) -> dict[str, str | int]:
     return {
         "Render Engine": render.engine,
         "Device": cycles.device,
-        "Open Shading Language": "on" if cycles.shading_system else "off",
+        "Open Shading Language": "on" if is_on(scene) else "off",
         "The texture limit of Simplify": limits,
         "View layers": ", ".join(layer.name for layer in layers),
         "The material override": ", ".join(overrides) or "none",

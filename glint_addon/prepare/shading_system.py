@@ -11,8 +11,8 @@ from ..nodes.glint_bsdf import is_glint_group
 from ..nodes.script_node import osl_available
 from ..properties import STAMP, SWITCHED_ON
 
-NO_OSL = "This Blender has no Open Shading Language: glints are rendered by its own nodes, with noise."
-ON_GPU = "On a GPU, OptiX or other, glints have the noise of Blender's own nodes: choose CPU."
+NO_OSL = "This Blender has no Open Shading Language: glints are rendered by nodes, with more noise."
+ON_GPU = "On a GPU glints are rendered by nodes: right, and noisier than on the CPU."
 NO_LIGHT = "No glint in view has a light worth looking for"
 LEFT_OFF = f"{NO_LIGHT}: Open Shading Language is off, and Blender's own nodes render the same picture, faster."
 LEFT_ON = f"{NO_LIGHT}: switch Open Shading Language off in the Render properties, and the same picture renders faster."

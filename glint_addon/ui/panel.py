@@ -9,6 +9,7 @@ from ..nodes.glint_bsdf import group_binding
 from ..nodes.map_binding import map_of
 from ..nodes.map_choices import CHOICES
 from ..nodes.map_tables import MapTables
+from ..nodes.places import count_node
 from ..nodes.script_node import osl_available
 from ..operators.change_map import glint_nodes
 from ..operators.keep_glints import ADVICE, softens_glints
@@ -18,6 +19,7 @@ from ..prepare.shading_system import NO_OSL, ON_GPU, is_on
 from .place import GlintPanel, PreparedPanel
 from .text import draw_sentence
 
+ENGINES = ("CYCLES", "BLENDER_EEVEE")  # which render glints
 MOST_CHANGES = 5  # sentences on what changed
 
 
@@ -92,6 +94,9 @@ def draw_maps(layout, context):
         words, icon = table_words(group, context)
         if words:
             column.label(text=words, icon=icon)
+        counter = count_node(group)
+        if counter is not None and way_of(context.scene).startswith("by nodes"):
+            column.prop(counter, "integer", text="Places")
 
 
 def table_words(group, context) -> tuple[str, str]:
@@ -131,37 +136,44 @@ def draw_changes(layout, context):
 
 
 def draw_state(layout, context):
-    """Engine, OSL and device in words, the warnings of the last preparation, and whether denoising costs glints."""
+    """What renders the glints, the warnings of the last preparation, and whether denoising costs glints."""
     scene, state = context.scene, context.scene.glint
     if not hasattr(scene, "cycles"):
         draw_sentence(layout, context, "Cycles is switched off: switch it on in Preferences > Add-ons.", "ERROR")
         return
-    if scene.render.engine != "CYCLES":
-        draw_sentence(layout, context, "Glints need Cycles: other engines show Blender's own nodes.", "ERROR")
+    if scene.render.engine not in ENGINES:
+        draw_sentence(layout, context, "Glints need Cycles or EEVEE: choose one of them as render engine.", "ERROR")
         return
     if not state.prepared:
-        words = "This scene is not prepared: without it glints are as noisy as usual." if osl_available() else NO_OSL
+        words = "This scene is not prepared: without it glints are as noisy as usual."
         draw_sentence(layout, context, words, "INFO")
         return
     # What was said of the scene as it was prepared may be wrong since it changed.
     changes = watch.changes(scene)
     notes, warnings = ([], []) if changes else (state.notes, state.warnings)
-    is_right = scene.cycles.device == "CPU" and (is_on(scene) or len(notes) > 0)
-    if osl_available():
-        layout.label(text=f"OSL {'on' if is_on(scene) else 'off'}, {scene.cycles.device}",
-                     icon="ERROR" if not is_right else "BLANK1" if changes else "CHECKMARK")
-    else:
-        draw_sentence(layout, context, NO_OSL, "ERROR")
+    layout.label(text=f"Glints: {way_of(scene)}", icon="BLANK1" if changes else "CHECKMARK")
     for line in notes:
         draw_sentence(layout, context, line.name, "INFO")
-    if scene.cycles.device == "GPU":
-        draw_sentence(layout, context, ON_GPU, "ERROR")
+    by_nodes = NO_OSL if not osl_available() else ON_GPU if scene.cycles.device == "GPU" else ""
+    if by_nodes:
+        draw_sentence(layout, context, by_nodes, "INFO")
     for line in warnings:
         if line.name not in (NO_OSL, ON_GPU):
             draw_sentence(layout, context, line.name, "ERROR")
     if softens_glints(scene):
         draw_sentence(layout, context, ADVICE, "INFO")
         layout.operator("glint.keep_glints")
+
+
+def way_of(scene) -> str:
+    """What renders the glints of a scene that was prepared, in words."""
+    if not scene.glint.hints:
+        return "plain"
+    if scene.render.engine in ENGINES[1:]:
+        return "by nodes (EEVEE)"
+    if scene.cycles.device == "GPU":
+        return "by nodes (GPU)"
+    return "exact (OSL)" if is_on(scene) else "by nodes (no OSL)"
 
 
 def tables_of(scene) -> dict[Path, str]:

@@ -28,8 +28,8 @@ class Layout:
         assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items, icon
         self.seen.append(text)
 
-    def prop(self, owner, name):
-        self.seen.append(f"[{owner.bl_rna.properties[name].name}]")
+    def prop(self, owner, name, *, text=""):
+        self.seen.append(f"[{text or owner.bl_rna.properties[name].name}]")
 
     def operator(self, name, *, text="", icon="NONE"):
         self.seen.append(f"[{text or name}]")

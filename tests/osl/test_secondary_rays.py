@@ -16,7 +16,7 @@ from demo_scenes.measure import luminance
 from demo_scenes.truth import truth_material
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.nodes.driven import driver_curve
-from glint_addon.nodes.glint_bsdf import CAUSTICS_NODE, build, refresh
+from glint_addon.nodes.glint_bsdf import CAUSTICS_NODE, WAY_NODE, build, refresh
 from tests.helpers import cycles
 from tests.helpers.old_group import make_old
 from tests.helpers.seeds import rendered_seeds
@@ -209,8 +209,9 @@ def test_a_group_of_an_older_version_gets_the_switch_and_one_driver(scene):
     for _ in range(2):
         make_old(group)
         refresh(group)
-        curve = driver_curve(group.nodes[CAUSTICS_NODE].outputs["Value"])
-        assert list(group.animation_data.drivers) == [curve] and len(curve.driver.variables) == 2
+        curves = [driver_curve(group.nodes[name].outputs["Value"]) for name in (CAUSTICS_NODE, WAY_NODE)]
+        drivers = list(group.animation_data.drivers)
+        assert len(drivers) == 2 and all(curve in drivers and len(curve.driver.variables) == 2 for curve in curves)
 
 
 def fog(material):

@@ -239,7 +239,7 @@ def test_with_cycles_switched_off_all_works_that_can(start, tmp_path):
     ended = subprocess.run([sys.executable, str(script), str(folder)], capture_output=True, text=True, timeout=120)
     assert ended.returncode == 0 and "Traceback" not in ended.stdout + ended.stderr, ended.stdout + ended.stderr
     told = json.loads((folder / "told.json").read_text(encoding="utf-8"))
-    assert OFF in told["panel"] and OFF in told["panel_of_an_empty_file"] and "OSL on" not in told["panel"]
+    assert OFF in told["panel"] and OFF in told["panel_of_an_empty_file"] and "Glints:" not in told["panel"]
     for action in ("prepare_scene", "prepare", "command_prepare", "command_render"):
         assert told[action] == f"{OFF.removesuffix('.')} and try again.", action
     for action in ("changes", "lost_tables"):

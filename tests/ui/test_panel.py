@@ -88,10 +88,15 @@ def test_before_preparing_the_panel_says_so(glinting):
     assert any(line.startswith("This scene is not prepared") for line in seen)
 
 
-def test_after_preparing_the_panel_names_the_table_osl_and_device(glinting):
+def test_after_preparing_the_panel_names_the_table_and_the_way(glinting):
     bpy.ops.glint.prepare()
     seen = drawn(GLINT_PT_material)
-    assert seen[2].endswith(".exr") and "OSL on, CPU" in seen
+    assert seen[2].endswith(".exr") and "Glints: plain" in seen
+    cycles.add_sun(bpy.context.scene, (0, 0, 1))
+    bpy.ops.glint.prepare()
+    assert "Glints: exact (OSL)" in drawn(GLINT_PT_material)
+    bpy.context.scene.cycles.shading_system = False
+    assert "Glints: by nodes (no OSL)" in drawn(GLINT_PT_material)
     assert "Not prepared yet" not in seen
 
 
@@ -99,7 +104,7 @@ def test_the_panel_says_why_osl_is_off(glinting):
     bpy.context.scene.cycles.shading_system = False
     bpy.ops.glint.prepare()
     seen = drawn(GLINT_PT_material, width=4000)
-    assert "OSL off, CPU" in seen and LEFT_OFF in seen
+    assert "Glints: plain" in seen and LEFT_OFF in seen
 
 
 def add_lights(*names):
@@ -183,7 +188,7 @@ def test_a_view_layer_that_is_not_denoised_needs_no_advice(glinting):
 
 
 def test_another_render_engine_is_named_as_the_reason(glinting):
-    bpy.context.scene.render.engine = "BLENDER_EEVEE"
+    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
     assert any("Glints need Cycles" in line for line in drawn(GLINT_PT_material))
 
 
@@ -205,7 +210,7 @@ def test_long_sentences_are_wrapped_to_the_width_of_the_panel(glinting):
     store_report(bpy.context.scene, replace(REPORT, warnings=[sentence]))
     for width in (250, 400, 900):
         seen = drawn(GLINT_PT_material, width=width)
-        lines = seen[seen.index("OSL on, CPU") + 1 :]
+        lines = seen[seen.index("Glints: exact (OSL)") + 1 :]
         assert " ".join(lines) == sentence
         limit = text.line_length(SimpleNamespace(region=SimpleNamespace(width=width), preferences=SCREEN))
         assert max(map(len, lines)) <= limit
@@ -255,7 +260,7 @@ def words_now(panel, *, width=4000) -> str:
 
 def test_what_is_prepared_is_shown_without_a_complaint(prepared):
     seen = words_now(GLINT_PT_material)
-    assert "OSL on, CPU" in seen and "gone" not in seen and "now" not in seen
+    assert "Glints: exact (OSL)" in seen and "gone" not in seen and "now" not in seen
 
 
 def test_tables_that_are_gone_are_said_to_be_gone(prepared, tmp_path):
@@ -336,7 +341,7 @@ def test_warnings_of_the_last_preparation_go_when_what_they_say_may_be_wrong(pre
 def test_a_gpu_is_warned_about_before_preparing_again(prepared):
     prepared.cycles.device = "GPU"
     seen = words_now(GLINT_PT_material)
-    assert "OSL on, GPU" in seen and ON_GPU in seen and "Device: GPU now, CPU before." in seen
+    assert "Glints: by nodes (GPU)" in seen and ON_GPU in seen and "Device: GPU now, CPU before." in seen
     bpy.ops.glint.prepare()
     assert words_now(GLINT_PT_material).count(ON_GPU) == 1
     prepared.cycles.device = "CPU"
@@ -346,8 +351,10 @@ def test_a_gpu_is_warned_about_before_preparing_again(prepared):
 def test_another_engine_is_shown_as_a_change_too(prepared):
     prepared.render.engine = "BLENDER_EEVEE"
     seen = words_now(GLINT_PT_material)
-    assert "Render Engine: BLENDER_EEVEE now, CYCLES before." in seen and "Glints need Cycles" in seen
-    assert "OSL on" not in seen
+    assert "Render Engine: BLENDER_EEVEE now, CYCLES before." in seen and "Glints: by nodes (EEVEE)" in seen
+    prepared.render.engine = "BLENDER_WORKBENCH"
+    seen = words_now(GLINT_PT_material)
+    assert "Glints need Cycles or EEVEE" in seen and "Glints:" not in seen
 
 
 def test_a_full_copy_of_the_scene_says_whose_lights_it_looks_for(prepared):
@@ -399,7 +406,7 @@ def test_a_map_that_can_no_longer_be_read_is_told_with_the_reason(prepared):
 def test_a_blender_without_osl_speaks_of_no_tables(prepared, monkeypatch):
     take_osl_away(monkeypatch)
     seen = words_now(GLINT_PT_material)
-    assert NO_OSL in seen and "OSL o" not in seen and ".exr" not in seen and "Not prepared" not in seen
+    assert NO_OSL in seen and "Glints: by nodes (no OSL)" in seen and ".exr" not in seen and "Not prepared" not in seen
     tables = words_now(GLINT_PT_tables)
     assert "This Blender has no Open Shading Language, which alone reads tables." in tables
     assert "No table" not in tables
@@ -409,10 +416,17 @@ def test_a_blender_without_osl_speaks_of_no_tables(prepared, monkeypatch):
     assert seen.count("no Open Shading Language") == 1 and "[glint.keep_glints]" in seen
 
 
-def test_a_blender_without_osl_promises_nothing_of_preparing(glinting, monkeypatch):
+def test_places_can_be_set_where_glints_are_rendered_by_nodes(prepared):
+    assert "[Places]" not in drawn(GLINT_PT_material)
+    prepared.cycles.device = "GPU"
+    assert "[Places]" in drawn(GLINT_PT_material)
+
+
+def test_a_blender_without_osl_gains_by_preparing_too(glinting, monkeypatch):
     take_osl_away(monkeypatch)
-    seen = words_now(GLINT_PT_material)
-    assert NO_OSL in seen and "not prepared" not in seen
+    assert "This scene is not prepared" in words_now(GLINT_PT_material)
+    bpy.ops.glint.prepare()
+    assert "not prepared" not in words_now(GLINT_PT_material)
 
 
 def test_files_of_older_versions_are_said_to_be_prepared_by_another(prepared):
