@@ -44,7 +44,7 @@ PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE = "Places Image", "Tangent", "Bitange
 KEPT_NORMAL, KEPT_FACETS, OWN_FACETS, PLACES_MIX = "Kept Normal", "Kept Facets", "Own Facets", "Places or plain"
 OSL_NODES = (SCRIPT_NODE, CAUSTICS_NODE, MIX_NODE)
 OWN_NODES = (LIGHTS_NODE, UV_NODE, WAY_NODE)
-PLACES_NODES = (places.COUNT_NODE, PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL, KEPT_FACETS, OWN_FACETS,
+PLACES_NODES = (*places.NODES, PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL, KEPT_FACETS, OWN_FACETS,
                 PLACES_MIX)
 # Colours that a normal map has for its two axes.
 AXES = {TANGENT_NODE: (1.0, 0.5, 0.5, 1.0), BITANGENT_NODE: (0.5, 1.0, 0.5, 1.0)}
@@ -150,7 +150,7 @@ def refresh(group):
     Where its nodes were changed by hand, the OSL node follows them.
     """
     binding = group_binding(group)
-    if version_of(group) != VERSION or osl_available() and not _is_complete(group):
+    if version_of(group) != VERSION or not _is_complete(group):
         counter = places.count_node(group)
         count = counter.integer if counter is not None else places.DEFAULT_COUNT
         group.nodes.clear()
@@ -168,9 +168,12 @@ def refresh(group):
 
 
 def _is_complete(group) -> bool:
-    """Whether the nodes that Blender's own do not replace are all there, and the shader is compiled."""
-    names = (*OSL_NODES, *OWN_NODES, *(PLACES_NODES if map_of(group) is not None else ()))
-    return all(name in group.nodes for name in names) and bool(group.nodes[SCRIPT_NODE].bytecode)
+    """Whether the nodes that Blender's own do not replace are all there, and the shader, if any, is compiled."""
+    names = (*OWN_NODES, *(PLACES_NODES if map_of(group) is not None else ()))
+    if osl_available():
+        names = (*OSL_NODES, *names)
+    is_whole = all(name in group.nodes for name in names)
+    return is_whole and (not osl_available() or bool(group.nodes[SCRIPT_NODE].bytecode))
 
 
 def _has_places(group) -> bool:

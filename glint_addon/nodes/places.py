@@ -46,6 +46,7 @@ HIDDEN = FOOTPRINT, PLACE, HALF_VECTOR, IMPORTANCE = tuple(
 # Number of places, which a user may change, and nodes that follow the map.
 COUNT_NODE, FOOTPRINT_NODE = "Places", "Footprint"
 IMPORTANCE_NODES = ("Importance", "Kept Importance", "Own Importance")
+NODES = (COUNT_NODE, FOOTPRINT_NODE, *IMPORTANCE_NODES)
 
 _CAMERA = (
     Variable("kind", "CONTEXT_PROP", "ACTIVE_SCENE", "camera.data.type", otherwise=0.0),

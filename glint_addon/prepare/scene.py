@@ -84,9 +84,10 @@ def preparation(
 
     others_look = _other_files_look(found, lit)
     _use_tables(baked)
-    for group in lit:
-        if group.library is None:
-            glint_bsdf.choose_way(group, by_nodes=scene.render.engine != "CYCLES")
+    for group in (group for group in lit if group.library is None):
+        if not osl_available():
+            glint_bsdf.refresh(group)  # nothing was baked for it, which brings groups up to date elsewhere
+        glint_bsdf.choose_way(group, by_nodes=scene.render.engine != "CYCLES")
     if lit:
         _bound_work(connect_lights(scene, lit, report))
     keep_tables()

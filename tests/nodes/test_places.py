@@ -16,6 +16,7 @@ from glint_addon.nodes.builder import add_node
 from glint_addon.nodes.map_choices import FACETS_NODE, IMAGE_NODE, NORMAL_NODE
 from tests.helpers import cycles
 from tests.helpers.no_osl import take_osl_away
+from tests.helpers.old_group import make_old
 from tests.helpers.stress_marks import thinned
 
 SIZE = (16, 16)  # pixels
@@ -205,6 +206,29 @@ def test_a_group_made_without_osl_has_less_noise_too(monkeypatch):
     scene = by_nodes(**SHARP, spp=16)
     assert not any(node.bl_idname == "ShaderNodeScript" for node in group_of(scene).nodes)
     assert variance(scene) < 0.1 * variance(plain(**SHARP, spp=16))
+
+
+@pytest.mark.parametrize("lost", [glint_bsdf.KEPT_FACETS, places.FOOTPRINT_NODE, "old"])
+def test_preparing_without_osl_makes_a_group_whole_and_brings_it_up_to_date(lost, monkeypatch):
+    scene = by_nodes(**SHARP, spp=16)
+    group = group_of(scene)
+    if lost == "old":
+        make_old(group)
+    else:
+        group.nodes.remove(group.nodes[lost])
+    take_osl_away(monkeypatch)
+    prepare_scene(scene)
+    assert group[glint_bsdf.STAMP] == glint_bsdf.VERSION
+    assert variance(scene) < 0.1 * variance(plain(**SHARP, spp=16))
+
+
+@pytest.mark.parametrize("settings", [{"roughness": 0.0}, {"roughness": 0.01, "strength": 0.0}, {"strength": 10.0}],
+                         ids=["mirror", "flat", "steep"])
+@pytest.mark.parametrize("light", ["sun", "point of no size"])
+def test_extreme_settings_give_no_invalid_pixel(settings, light):
+    light = None if light == "sun" else lambda scene: lamp(scene, shadow_soft_size=0.0)
+    found = picture(by_nodes(spp=64, light=light, **settings))
+    assert np.isfinite(found).all() and found.min() >= 0.0
 
 
 def test_places_read_the_map_as_the_nodes_that_were_changed_by_hand():
