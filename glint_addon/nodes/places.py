@@ -5,8 +5,8 @@ lights that are looked for would show of it. With S the sum of q over M places, 
 
     f = S / (M (q + FLOOR)) * microfacet(kept)  +  FLOOR / (q(own) + FLOOR) * microfacet(own)
 
-The expectation is that of the own normal alone, Blender's plain nodes, for any importance, footprint and lights, and no
-weight of a light that nobody looks for exceeds what plain nodes give it. Talbot, Cline, Egbert: Importance Resampling
+The expectation is that of the own normal alone, Blender's plain nodes, for any importance, footprint and lights; FLOOR
+bounds the weights, so that lights that nobody looks for make no fireflies. Talbot, Cline, Egbert: Importance Resampling
 for Global Illumination, EGSR 2005; the running choice is that of Bitterli et al.: Spatiotemporal Reservoir Resampling
 for Real-Time Ray Tracing with Dynamic Direct Lighting, SIGGRAPH 2020.
 

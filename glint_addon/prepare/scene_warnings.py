@@ -8,7 +8,7 @@ from ..nodes.glint_bsdf import lights_of
 from ..nodes.glint_lights import set_of
 from ..nodes.map_tables import MapTables
 from ..nodes.script_node import osl_available
-from .shading_system import NO_OSL, ON_GPU
+from .shading_system import ENGINES, NO_OSL, ON_GPU
 from .stored_tables import is_missing
 from .uses import Uses, shown_map, unknown_materials
 
@@ -33,7 +33,7 @@ def _setting_warnings(scene: bpy.types.Scene) -> list[str]:
     warnings = []
     if not osl_available():
         warnings.append(NO_OSL)
-    if scene.render.engine not in ("CYCLES", "BLENDER_EEVEE"):
+    if scene.render.engine not in ENGINES:
         warnings.append(f"The render engine is {scene.render.engine}: choose Cycles or EEVEE to render glints.")
     if device(scene) == "GPU":
         warnings.append(ON_GPU)

@@ -11,6 +11,7 @@ from ..nodes.glint_bsdf import is_glint_group
 from ..nodes.script_node import osl_available
 from ..properties import STAMP, SWITCHED_ON
 
+ENGINES = ("CYCLES", "BLENDER_EEVEE")  # which render glints
 NO_OSL = "This Blender has no Open Shading Language: glints are rendered by nodes, with more noise."
 ON_GPU = "On a GPU glints are rendered by nodes: right, and noisier than on the CPU."
 NO_LIGHT = "No glint in view has a light worth looking for"

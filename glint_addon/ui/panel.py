@@ -15,11 +15,10 @@ from ..operators.change_map import glint_nodes
 from ..operators.keep_glints import ADVICE, softens_glints
 from ..operators.prepare import has_glint_groups
 from ..prepare import watch
-from ..prepare.shading_system import NO_OSL, ON_GPU, is_on
+from ..prepare.shading_system import ENGINES, NO_OSL, ON_GPU, is_on
 from .place import GlintPanel, PreparedPanel
 from .text import draw_sentence
 
-ENGINES = ("CYCLES", "BLENDER_EEVEE")  # which render glints
 MOST_CHANGES = 5  # sentences on what changed
 
 
