@@ -1,15 +1,17 @@
 """Blender's images as arrays and as normal maps: their pixels, whether they changed, and copies of them as data."""
 
 from .data_copies import data_image, is_data_copy, remove_unused_copies
+from .files import Frames, image_files, image_path, is_several, is_still, sequence_frames
 from .normal_map import normal_map_image
-from .pixels import USABLE_SOURCES, image_path, image_pixels, image_shape, is_layered, layer_pixels, read_pixels
+from .pixels import image_pixels, image_shape, is_layered, layer_pixels, read_pixels
 from .state import ImageStates, file_digest, image_stamp, image_state, is_unsaved
 
 __all__ = (
-    "USABLE_SOURCES",
+    "Frames",
     "ImageStates",
     "data_image",
     "file_digest",
+    "image_files",
     "image_path",
     "image_pixels",
     "image_shape",
@@ -17,9 +19,12 @@ __all__ = (
     "image_state",
     "is_data_copy",
     "is_layered",
+    "is_several",
+    "is_still",
     "is_unsaved",
     "layer_pixels",
     "normal_map_image",
     "read_pixels",
     "remove_unused_copies",
+    "sequence_frames",
 )

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import bpy
 
+from ..errors import MapError
 from ..properties import COPY_CONTENT, COPY_OF, COPY_STATE
-from .pixels import image_path, read_pixels
+from .files import image_path, is_several
+from .pixels import read_pixels
 from .state import ImageStates, image_state, is_unsaved
 
 
@@ -26,6 +28,10 @@ def data_image(
     if image.colorspace_settings.is_data:
         return image
     state = image_state(image) if states is None else states[image]
+    if state == image.source:  # of several files, see `image_state`
+        kind = "UDIM set" if image.source == "TILED" else "sequence"
+        raise MapError(f'Normal map "{image.name}" is a {kind} that is shown as colour and not saved in files: set its '
+                       "Color Space to Non-Color, or save it (Image > Save).")
     if copy is not None:
         _follow(copy, image, state)
     for known in bpy.data.images:
@@ -79,7 +85,11 @@ def _fill(copy, original, state):
     if contents is None:
         if copy.packed_file is not None:
             copy.unpack(method="REMOVE")
+        if copy.source == "TILED":
+            copy.source = "FILE"
         copy.filepath = _path_here(original)  # Blender reads the file anew, even if it is the same
+        if copy.source != original.source and is_several(original):
+            copy.source = original.source  # Blender then looks for the other tiles
     else:
         # With a path Blender would replace what is packed by the file as soon as it is told to reload.
         if copy.filepath:

@@ -9,15 +9,16 @@ import bpy
 
 from ..errors import MapError
 from .data_copies import is_data_copy
-from .pixels import check_pixels, image_path
+from .files import UDIM, image_path, udim_files
+from .pixels import check_pixels
 
 
 def normal_map_image(normal_map: str | Path | bpy.types.Image) -> bpy.types.Image:
-    """The image data-block of a normal map given as path or image.
+    """The image data-block of a normal map given as path or image; "<UDIM>" in a path's name stands for all tiles.
 
     An image that is open already is never changed, whatever its colour space; `data_image` reads it as data. A file
     that is not open yet is opened as data.
-    Raises MapError if it is missing, unreadable, tiled, moving or a single pixel.
+    Raises MapError if it is missing, unreadable, a movie or a single pixel.
     """
     if not isinstance(normal_map, bpy.types.Image):
         return _opened(Path(bpy.path.abspath(str(normal_map))))
@@ -26,17 +27,22 @@ def normal_map_image(normal_map: str | Path | bpy.types.Image) -> bpy.types.Imag
 
 
 def _opened(path):
-    if not path.is_file():
+    is_set = UDIM in path.name
+    files = udim_files(path) if is_set else [path] * path.is_file()
+    if not files:
         raise MapError(f"Normal map {path} does not exist: choose an image file.")
+    source = "TILED" if is_set else "FILE"
     for image in bpy.data.images:
-        if image.source == "FILE" and _normal(image_path(image)) == _normal(path) and not is_data_copy(image):
+        if image.source == source and _normal(image_path(image)) == _normal(path) and not is_data_copy(image):
             check_pixels(image)
             return image
     try:
-        image = bpy.data.images.load(str(path))
+        image = bpy.data.images.load(str(files[0]))
     except RuntimeError as error:
         raise MapError(f"Normal map {path} cannot be read ({error}): choose an image file.") from error
     try:
+        if is_set:
+            image.source = "TILED"  # Blender then looks for the other tiles
         check_pixels(image)
     except MapError:
         bpy.data.images.remove(image)

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import bpy
 import numpy as np
 
 from ..errors import MapError
-
-USABLE_SOURCES = ("FILE", "GENERATED")
-
-
-def image_path(image: bpy.types.Image) -> Path:
-    """The file of an image; relative paths count from the .blend file that holds the image."""
-    return Path(bpy.path.abspath(image.filepath, library=image.library))
+from .files import image_files, image_path, is_several, is_still
 
 
 def image_pixels(image: bpy.types.Image) -> np.ndarray:
-    """Pixels of an image as Blender's Image Texture reads them, float32 (height, width, channels), row 0 at the bottom.
+    """Pixels of a still image as Blender's Image Texture reads them, float32 (height, width, channels), row 0 at the
+    bottom.
 
     Raises MapError if they cannot be read.
     """
@@ -52,7 +45,9 @@ def layer_pixels(image: bpy.types.Image) -> np.ndarray:
 
 
 def image_shape(image: bpy.types.Image) -> tuple[int, int, int]:
-    """(height, width, channels) of an image; (0, 0, 0) if it cannot be read."""
+    """(height, width, channels) of an image, of the largest tile or the first frame; (0, 0, 0) if it cannot be read."""
+    if is_several(image):
+        return _shape_of_several(image)
     if is_layered(image):
         from ..bake.layers import layer_shape  # OpenImageIO, which no other image needs
 
@@ -68,14 +63,13 @@ def is_layered(image: bpy.types.Image) -> bool:
 
 
 def check_pixels(image: bpy.types.Image):
-    """Raise MapError for an image that cannot be a normal map: tiled, moving, without colours, without or of one pixel.
+    """Raise MapError for an image that cannot be a normal map: a movie, without colours, without or of one pixel.
 
-    Reads no more of a layered file than its header.
+    Reads no more of a layered file or a sequence than a header.
     """
-    if image.source == "TILED":
-        raise MapError(f'Normal map "{image.name}" is a UDIM set: use one material and one image for each tile.')
-    if image.source not in USABLE_SOURCES:
-        raise MapError(f'Normal map "{image.name}" is a {image.source.lower()}: choose a still image.')
+    if not (is_still(image) or is_several(image)):
+        raise MapError(f'Normal map "{image.name}" is a {image.source.lower()}: choose an image, a UDIM set or an '
+                       "image sequence.")
     height, width, channels = image_shape(image)
     if 0 in (height, width):
         raise MapError(f'Normal map "{image.name}" has no pixels (missing or not an image): choose an image file.')
@@ -86,6 +80,17 @@ def check_pixels(image: bpy.types.Image):
     if is_layered(image):
         raise MapError(f'Normal map "{image.name}" has no colours in its first layer: save the map as its own file.')
     raise MapError(f'Normal map "{image.name}" has no colour channels: choose an RGB normal map, not a height map.')
+
+
+def _shape_of_several(image) -> tuple[int, int, int]:
+    if image.source == "TILED":
+        sizes = [tile.size for tile in image.tiles] or [(0, 0)]
+        width, height = (max(size[axis] for size in sizes) for axis in (0, 1))
+        return (height, width, image.channels) if width * height else (0, 0, 0)
+    from ..bake.layers import layer_shape  # Blender itself knows only the size of a frame that an editor shows
+
+    files = image_files(image)
+    return layer_shape(files[0]) if files else (0, 0, 0)
 
 
 def _packed(image) -> bytes | None:

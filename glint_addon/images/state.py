@@ -8,7 +8,8 @@ from pathlib import Path
 
 import bpy
 
-from .pixels import image_path, read_pixels
+from .files import image_files, image_path, is_several
+from .pixels import read_pixels
 
 
 def image_stamp(image: bpy.types.Image) -> str:
@@ -27,8 +28,11 @@ def image_state(image: bpy.types.Image) -> str:
     """A string that changes with the values that `image` holds as data; "" for a missing file.
 
     It is `image_stamp` for a clean file whose colour space changes no values, else a digest, which reads all packed or
-    painted pixels.
+    painted pixels. Of a UDIM set or a sequence, which Blender alone reads, it follows the files for a copy's sake; as
+    data they are what they are.
     """
+    if is_several(image):
+        return _state_of_several(image)
     if is_unsaved(image):
         return _pixels_digest(image)
     if image.packed_file is not None:
@@ -61,6 +65,16 @@ def _file_digest(path: Path, _stamp: str) -> str:
 def is_unsaved(image: bpy.types.Image) -> bool:
     """Whether only Blender's memory holds the pixels: neither a file nor packed data does."""
     return image.source == "GENERATED" or image.is_dirty
+
+
+def _state_of_several(image) -> str:
+    if image.is_dirty or image.packed_files or not image.filepath:
+        return image.source
+    files = image_files(image)
+    if image.colorspace_settings.is_data or not files:
+        return image.source if files else ""
+    stamps = [(file.name, status.st_mtime_ns, status.st_size) for file in files for status in (file.stat(),)]
+    return f"{image.source}|{_digest(repr(stamps).encode())}"
 
 
 def _pixels_digest(image) -> str:

@@ -8,7 +8,16 @@ from numbers import Real
 import bpy
 
 from ..errors import MapError
-from ..images import ImageStates, data_image, image_pixels, image_stamp, normal_map_image, remove_unused_copies
+from ..images import (
+    ImageStates,
+    data_image,
+    image_pixels,
+    image_stamp,
+    is_several,
+    normal_map_image,
+    remove_unused_copies,
+    sequence_frames,
+)
 from ..nodes.builder import add_node, arrange, version_of
 from ..nodes.glint_bsdf import (
     BSDF,
@@ -40,7 +49,7 @@ def create_glint_material(
     uv_map="",
     extension=EXTENSION.default,
 ) -> bpy.types.Material:
-    """A new material whose glints come from `normal_map`, a path or a bpy.types.Image.
+    """A new material whose glints come from `normal_map`, a path ("<UDIM>" for all tiles) or a bpy.types.Image.
 
     roughness 0..1 of a single facet (alpha is its square); distribution 'BECKMANN' or 'GGX'; interpolation 'LINEAR' or
     'CLOSEST'; convention 'OPENGL' (+Y) or 'DIRECTX' (-Y); color linear RGB; strength scales the slopes; uv_map "" is
@@ -65,6 +74,8 @@ def create_glint_material(
 
 def bound_group(normal_map, reading: MapBinding) -> bpy.types.ShaderNodeTree:
     """The Glint BSDF group that reads `normal_map`, a path or an image, as `reading` says, whose own image is ignored.
+
+    An image sequence without frames shows all its files from frame 1 on.
 
     Raises MapError or ShaderError, and then leaves nothing behind.
     """
@@ -102,7 +113,9 @@ def _data_blocks() -> set:
 
 
 def _bound_group(normal_map, reading):
-    binding = replace(reading, image=normal_map_image(normal_map))
+    image = normal_map_image(normal_map)
+    frames = sequence_frames(image)
+    binding = replace(reading, image=image, frames=frames and (reading.frames or frames))
     states = ImageStates()
     _refuse_unusable(binding, states)
     group = group_for(binding)
@@ -117,7 +130,7 @@ def _refuse_unusable(binding, states):
     from ..bake.normal_map import check_normals
 
     data = data_image(binding.image, states=states)
-    if not _was_baked(data):
+    if not is_several(data) and not _was_baked(data):
         check_normals(image_pixels(data), convention=binding.convention, name=binding.image.name)
 
 
@@ -127,8 +140,6 @@ def _was_baked(image) -> bool:
     return stamp != "" and any(
         is_glint_group(group) and version_of(group) == VERSION and image_read(group) == image
         and MapTables.of(group).source == stamp for group in bpy.data.node_groups)
-
-
 
 
 def _add_surface(material, group, values, uv_map):

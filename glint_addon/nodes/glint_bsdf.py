@@ -10,7 +10,7 @@ from __future__ import annotations
 import bpy
 
 from ..errors import MapError, SceneError
-from ..images import data_image
+from ..images import data_image, image_shape, is_several
 from ..properties import OLD_INTERPOLATION, OLD_PROPERTIES, STAMP
 from . import glint_lights, places
 from .builder import (
@@ -26,7 +26,7 @@ from .builder import (
     new_group,
     version_of,
 )
-from .driven import Driven, Variable, write_number
+from .driven import Driven, Variable, number_at, write_number
 from .map_binding import ORIGINAL_NODE, MapBinding, is_old, map_of, nodes_binding, write_reading
 from .map_choices import CHOICES, FACETS_NODE, IMAGE_NODE, NORMAL_NODE
 from .map_tables import SCRIPT_NODE, forget_table
@@ -39,13 +39,14 @@ CAUSTICS_NODE = "Caustics"
 UV_NODE = "UV Map"
 MIX_NODE = "OSL or native"
 WAY_NODE = "OSL renders"
+WIDE_NODE = "Wider than a texel"
 # By nodes alone: the places' own copies of the nodes that read the map, and what chooses between them and plain nodes.
 PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE = "Places Image", "Tangent", "Bitangent"
 KEPT_NORMAL, KEPT_FACETS, OWN_FACETS, PLACES_MIX = "Kept Normal", "Kept Facets", "Own Facets", "Places or plain"
 OSL_NODES = (SCRIPT_NODE, CAUSTICS_NODE, MIX_NODE)
 OWN_NODES = (LIGHTS_NODE, UV_NODE, WAY_NODE)
 PLACES_NODES = (*places.NODES, PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL, KEPT_FACETS, OWN_FACETS,
-                PLACES_MIX)
+                WIDE_NODE, PLACES_MIX)
 # Colours that a normal map has for its two axes.
 AXES = {TANGENT_NODE: (1.0, 0.5, 0.5, 1.0), BITANGENT_NODE: (0.5, 1.0, 0.5, 1.0)}
 
@@ -272,11 +273,38 @@ def _add_nodes(group, binding):
         group.links.new(one, other)
 
 
+def takes_lobe(group) -> bool:
+    """Whether the OSL lobe can read a Glint BSDF group's map here: a table holds one image, as it is at all frames."""
+    image = map_of(group)
+    return osl_available() and (image is None or not is_several(image))
+
+
 def choose_way(group, *, by_nodes: bool = False):
-    """Let the group render through OSL where the scene's settings say so, or always `by_nodes`."""
+    """Let the group render through OSL where it can and the scene's settings say so, or always `by_nodes`."""
     way = group.nodes.get(WAY_NODE)
     if way is not None:
-        write_number(way.outputs["Value"], OSL_RENDERS if osl_available() and not by_nodes else 0.0)
+        write_number(way.outputs["Value"], OSL_RENDERS if takes_lobe(group) and not by_nodes else 0.0)
+
+
+def is_by_nodes(group, scene) -> bool:
+    """Whether a Glint BSDF group that was prepared renders by nodes in `scene`, as it is set now."""
+    if not _has_places(group) or WAY_NODE not in group.nodes:
+        return False
+    return is_way_chosen(group) or not (scene.cycles.device == "CPU" and scene.cycles.shading_system)
+
+
+def is_way_chosen(group) -> bool:
+    """Whether a Glint BSDF group renders by nodes, whatever a scene's settings say: it was prepared for no other."""
+    way = group.nodes.get(WAY_NODE)
+    return way is not None and not isinstance(number_at(way.outputs["Value"]), Driven)
+
+
+def use_places(group, *, is_seen: bool):
+    """Say whether a camera sees any footprint of a Glint BSDF group's map that is wider than a texel: where none does,
+    places are not even compiled."""
+    node = group.nodes.get(WIDE_NODE)
+    if node is not None and node.outputs["Value"].default_value != float(is_seen):
+        node.outputs["Value"].default_value = float(is_seen)
 
 
 def _add_places(group, source, lights, coordinates, glossy):
@@ -306,7 +334,10 @@ def _add_places(group, source, lights, coordinates, glossy):
     # behind a factor of 0, and compiles none of it where the factor is 0 before the render.
     bounced = add_node(group, "ShaderNodeLightPath").outputs["Is Diffuse Ray"]
     is_useful = add_math(group, "MULTIPLY", found.is_useful, add_math(group, "SUBTRACT", 1.0, bounced))
-    by_nodes = add_math(group, "SUBTRACT", 1.0, group.nodes[WAY_NODE].outputs["Value"])
+    is_wide = add_node(group, "ShaderNodeValue", WIDE_NODE).outputs["Value"]
+    use_places(group, is_seen=True)
+    by_nodes = add_math(group, "MULTIPLY", is_wide,
+                        add_math(group, "SUBTRACT", 1.0, group.nodes[WAY_NODE].outputs["Value"]))
     mix = add_node(group, "ShaderNodeMixShader", PLACES_MIX)
     for socket, shader in zip(mix.inputs, (add_math(group, "MULTIPLY", by_nodes, is_useful), glossy, lobes.outputs[0]),
                               strict=True):
@@ -319,7 +350,8 @@ def _follow_nodes(group, binding):
     if _has_places(group):
         write_reading(group, binding, {IMAGE_NODE: (PLACES_IMAGE,), FACETS_NODE: (KEPT_FACETS, OWN_FACETS),
                                        NORMAL_NODE: (TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL)})
-        places.follow_reading(group, binding.image.size, binding.distribution == "GGX")
+        height, width, _ = image_shape(binding.image)
+        places.follow_reading(group, (width, height), binding.distribution == "GGX")
     script = group.nodes.get(SCRIPT_NODE)
     if script is None:
         return

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 import bpy
 
 from ..errors import MapError, SceneError
-from ..images import is_data_copy
+from ..images import Frames, is_data_copy
 from ..properties import OLD_CONVENTION, OLD_DISTRIBUTION, OLD_EXTENSION, OLD_IMAGE, OLD_INTERPOLATION, OLD_UV_MAP
 from .builder import version_of
 from .map_choices import (
@@ -34,7 +34,10 @@ VERSION_OF_NODES = 10
 
 @dataclass(frozen=True)
 class MapBinding:
-    """A normal map, the user's own image, and how it is read: by which value of each of CHOICES and which UV map."""
+    """A normal map, the user's own image, and how it is read: by which value of each of CHOICES and which UV map.
+
+    frames: of an image sequence, None of any other image.
+    """
 
     image: bpy.types.Image | None = None
     interpolation: str = INTERPOLATION.default
@@ -42,6 +45,7 @@ class MapBinding:
     distribution: str = DISTRIBUTION.default
     uv_map: str = ""
     extension: str = EXTENSION.default
+    frames: Frames | None = None
 
     def __post_init__(self):
         for name in (name for name in READING if name in CHOICES):
@@ -50,8 +54,8 @@ class MapBinding:
                 raise MapError(f'{choice.label} "{value}" is unknown: use one of {", ".join(choice.identifiers)}.')
 
 
-# The fields that say how the map is read.
-READING = tuple(field.name for field in fields(MapBinding) if field.name != "image")
+# The fields that say how any map is read.
+READING = tuple(field.name for field in fields(MapBinding) if field.name not in ("image", "frames"))
 
 
 def map_of(group) -> bpy.types.Image | None:
@@ -79,7 +83,10 @@ def nodes_binding(group) -> MapBinding:
         return _old_binding(group)
     nodes = {name: _node(group, name) for name in (IMAGE_NODE, NORMAL_NODE, FACETS_NODE)}
     chosen = {name: choice.identifier(getattr(nodes[choice.node], name)) for name, choice in CHOICES.items()}
-    return MapBinding(map_of(group), uv_map=nodes[NORMAL_NODE].uv_map, **chosen)
+    image = map_of(group)
+    moves = image is not None and image.source == "SEQUENCE"
+    frames = Frames.of(nodes[IMAGE_NODE].image_user) if moves else None
+    return MapBinding(image, uv_map=nodes[NORMAL_NODE].uv_map, frames=frames, **chosen)
 
 
 def write_reading(group, binding: MapBinding, copies=None):
@@ -93,6 +100,9 @@ def write_reading(group, binding: MapBinding, copies=None):
         for node in (group.nodes[copy] for copy in copies[original]):
             if getattr(node, name) != value:
                 setattr(node, name, value)
+    if binding.frames is not None:
+        for copy in copies[IMAGE_NODE]:
+            binding.frames.write_to(group.nodes[copy].image_user)
 
 
 def is_old(group) -> bool:

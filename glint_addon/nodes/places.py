@@ -37,8 +37,10 @@ WIDENING = 1.1
 DISK = 0.5
 # Footprint radius in pixels of one of n samples: scale / n^exponent, as osl/footprint.h has it.
 FOOTPRINT_SCALE, FOOTPRINT_EXPONENT = 1.1, 0.21
-# Radius of a footprint in texels from which on there is more than one normal to choose from.
-NARROWEST = 1.0
+# Radius of a footprint in texels from which on there is more than one normal to choose from, and the largest that is
+# spread over: in it are as many normals as any number of places can use, and the less of the surface, the less light
+# and view turn over it: decision 61.
+NARROWEST, WIDEST = 1.0, 32.0
 GOLDEN_ANGLE = 2.3999632  # radians: successive places of a sunflower
 
 HIDDEN = FOOTPRINT, PLACE, HALF_VECTOR, IMPORTANCE = tuple(
@@ -184,6 +186,54 @@ def _footprint(group, given):
     """
     geometry = add_node(group, "ShaderNodeNewGeometry").outputs
     normal, view = geometry["Normal"], geometry["Incoming"]
+    size = add_node(group, "ShaderNodeSeparateXYZ")
+    group.links.new(given["Size"], size.inputs[0])
+    texels = add_math(group, "MAXIMUM", size.outputs["X"], size.outputs["Y"])
+    # The height of one texel over the footprint's radius, so that slopes are neither rounded off nor too steep.
+    height = add_math(group, "MULTIPLY", _pixels_radius(group, given), texels)
+    coordinates = add_node(group, "ShaderNodeSeparateXYZ")
+    group.links.new(given["Coordinates"], coordinates.inputs[0])
+    tilted = []
+    for coordinate in (coordinates.outputs["X"], coordinates.outputs["Y"]):
+        bump = add_node(group, "ShaderNodeBump", inputs={"Strength": 1.0})
+        group.links.new(height, bump.inputs["Distance"])
+        group.links.new(coordinate, bump.inputs["Height"])
+        tilted.append(bump.outputs["Normal"])
+    # The gradient is -(tilted / (tilted . n) - n).
+    facing, *upright = (add_math(group, "DOT_PRODUCT", each, normal, vector=True) for each in (view, *tilted))
+
+    # Where the footprint is narrow Cycles computes no more than this: its area in squared texels, as a quotient.
+    areas = add_math(group, "DIVIDE", add_math(group, "DIVIDE", size.outputs["X"], texels),
+                     add_math(group, "DIVIDE", texels, size.outputs["Y"]))
+    volume = add_math(group, "DOT_PRODUCT", add_math(group, "CROSS_PRODUCT", *tilted, vector=True), normal, vector=True)
+    area = add_math(group, "MULTIPLY", add_math(group, "ABSOLUTE", volume), areas)
+    unit = add_math(group, "MULTIPLY", add_math(group, "MULTIPLY", *upright), facing)
+    is_wide = add_math(group, "GREATER_THAN", area, add_math(group, "MULTIPLY", unit, NARROWEST**2))
+    share = add_math(group, "MINIMUM", add_math(group, "SQRT", add_math(
+        group, "DIVIDE", add_math(group, "MULTIPLY", unit, WIDEST**2), area)), 1.0)
+    scales = (add_math(group, "DIVIDE", share, add_math(group, "MULTIPLY", each, texels)) for each in upright)
+
+    # Two axes across the view, turned at random from sample to sample. Laid along the view onto the surface, each
+    # gradient loses its part there.
+    noise = add_node(group, "ShaderNodeTexWhiteNoise", "Turn", noise_dimensions="3D")
+    group.links.new(geometry["Position"], noise.inputs["Vector"])
+    random = add_math(group, "SUBTRACT", noise.outputs["Color"], (0.5, 0.5, 0.5), vector=True)
+    first = add_math(group, "NORMALIZE", add_math(group, "CROSS_PRODUCT", view, random, vector=True), vector=True)
+    second = add_math(group, "CROSS_PRODUCT", view, first, vector=True)
+    changes = []
+    for each, scale in zip(tilted, scales, strict=True):
+        part = add_math(group, "DIVIDE", add_math(group, "DOT_PRODUCT", each, view, vector=True), facing)
+        level = add_math(group, "SCALE", normal, part, vector=True)
+        across = add_math(group, "SUBTRACT", level, each, vector=True)
+        changes.append(add_math(group, "SCALE", across, scale, vector=True))
+    along, across = (
+        _combined(group, *(add_math(group, "DOT_PRODUCT", change, axis, vector=True) for change in changes), 0.0)
+        for axis in (first, second))
+    return {"Along": along, "Across": across, "Is Wide": is_wide}
+
+
+def _pixels_radius(group, given):
+    """Radius [m] of a sample's footprint across the view."""
     angle, width = (add_node(group, "ShaderNodeValue", label).outputs["Value"] for label in ("Angle", "Width"))
     write_number(angle, PIXEL_ANGLE)
     write_number(width, PIXEL_WIDTH)
@@ -191,40 +241,7 @@ def _footprint(group, given):
     pixel = add_math(group, "MULTIPLY_ADD", distance, angle, width)
     pixels = add_math(group, "MULTIPLY", add_math(group, "POWER", given["Samples"], -FOOTPRINT_EXPONENT),
                       FOOTPRINT_SCALE)
-    # The height of one texel over the footprint's radius, so that slopes are neither rounded off nor too steep.
-    size = add_node(group, "ShaderNodeSeparateXYZ")
-    group.links.new(given["Size"], size.inputs[0])
-    texels = add_math(group, "MAXIMUM", size.outputs["X"], size.outputs["Y"])
-    height = add_math(group, "MULTIPLY", add_math(group, "MULTIPLY", pixel, pixels), texels)
-    facing = add_math(group, "DOT_PRODUCT", normal, view, vector=True)
-    coordinates = add_node(group, "ShaderNodeSeparateXYZ")
-    group.links.new(given["Coordinates"], coordinates.inputs[0])
-    changes = []
-    for coordinate in (coordinates.outputs["X"], coordinates.outputs["Y"]):
-        bump = add_node(group, "ShaderNodeBump", inputs={"Strength": 1.0})
-        group.links.new(height, bump.inputs["Distance"])
-        group.links.new(coordinate, bump.inputs["Height"])
-        tilted = bump.outputs["Normal"]
-        # The gradient is -(tilted / (tilted . n) - n); laid along the view onto the surface, it loses its part there.
-        share = add_math(group, "DIVIDE", add_math(group, "DOT_PRODUCT", tilted, view, vector=True), facing)
-        level = add_math(group, "SCALE", normal, share, vector=True)
-        upright = add_math(group, "MULTIPLY", add_math(group, "DOT_PRODUCT", tilted, normal, vector=True), texels)
-        across = add_math(group, "SUBTRACT", level, tilted, vector=True)
-        changes.append(add_math(group, "SCALE", across, add_math(group, "DIVIDE", 1.0, upright), vector=True))
-
-    # Two axes across the view, turned at random from sample to sample.
-    noise = add_node(group, "ShaderNodeTexWhiteNoise", "Turn", noise_dimensions="3D")
-    group.links.new(geometry["Position"], noise.inputs["Vector"])
-    random = add_math(group, "SUBTRACT", noise.outputs["Color"], (0.5, 0.5, 0.5), vector=True)
-    first = add_math(group, "NORMALIZE", add_math(group, "CROSS_PRODUCT", view, random, vector=True), vector=True)
-    second = add_math(group, "CROSS_PRODUCT", view, first, vector=True)
-    along, across = (
-        _combined(group, *(add_math(group, "DOT_PRODUCT", change, axis, vector=True) for change in changes), 0.0)
-        for axis in (first, second))
-    lengths = [add_math(group, "LENGTH", add_math(group, "MULTIPLY", axis, given["Size"], vector=True), vector=True)
-               for axis in (along, across)]
-    widest = add_math(group, "MAXIMUM", *lengths)
-    return {"Along": along, "Across": across, "Is Wide": add_math(group, "GREATER_THAN", widest, NARROWEST)}
+    return add_math(group, "MULTIPLY", pixel, pixels)
 
 
 def _place(group, given):

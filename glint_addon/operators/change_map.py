@@ -4,7 +4,7 @@ import bpy
 
 from ..nodes.builder import COLUMN_WIDTH
 from ..nodes.glint_bsdf import VECTOR, group_binding, is_glint_group
-from ..nodes.map_binding import MapBinding
+from ..nodes.map_binding import MapBinding, map_of
 from .failing_softly import FailsSoftly
 from .map_settings import MapSettings, check_uv_map
 
@@ -46,7 +46,8 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
         if context.object is not None:
             check_uv_map(context.object, self.uv_map, context)
         normal_map = self.chosen_map(context)
-        group = bound_group(normal_map, MapBinding(**self.reading()))
+        # The frames of an image sequence stay as they were set.
+        group = bound_group(normal_map, MapBinding(**self.reading(), frames=_frames(material, normal_map)))
         for node in glint_nodes(material):
             left, node.node_tree = node.node_tree, group
             follow_uv_map(node, self.uv_map)
@@ -63,6 +64,12 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
         self.layout.use_property_split = True
         self.layout.prop_search(self, "image", bpy.data, "images", text="Normal Map")
         self.draw_map(context)
+
+
+def _frames(material, image):
+    """The frames at which the material reads `image`, if it is the sequence that it reads now."""
+    groups = [node.node_tree for node in glint_nodes(material) if map_of(node.node_tree) == image]
+    return group_binding(groups[0]).frames if groups else None
 
 
 def active_material(context):

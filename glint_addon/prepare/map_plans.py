@@ -26,8 +26,9 @@ class MapPlan:
     """A map and one way to read it, for all groups that do.
 
     binding: that way; size: (width, height) in texels; state: `image_state` of the map; stored: its tables that are
-    stored, or None; levels: block sides (first, last) of the counts it needs, or None; has_index: whether it needs the
-    index; has_table: whether it gets tables at all.
+    stored, or None; footprints: smallest and largest that cameras see, see `footprint_range`; levels: block sides
+    (first, last) of the counts it needs, or None; has_index: whether it needs the index; has_table: whether it gets
+    tables at all.
     """
 
     groups: list[bpy.types.ShaderNodeTree]
@@ -35,6 +36,7 @@ class MapPlan:
     size: tuple[int, int]
     state: str
     stored: MapTables | None
+    footprints: tuple[float, float]
     levels: tuple[int, int] | None = None
     has_index: bool = False
     has_table: bool = True
@@ -103,15 +105,25 @@ def map_plans(
         binding = group_binding(group)
         ways = sharing.setdefault((binding.image, binding.convention), {})
         ways.setdefault(binding.interpolation, []).append(group)
-    plans = [_plan(groups, folder, states) for ways in sharing.values() for groups in ways.values()]
-    for plan in plans:
-        ranges = [footprint_range(scene, group, uses[group], plan.size, mirrored=mirrored) for group in plan.groups]
-        footprints = min(low for low, _ in ranges), max(high for _, high in ranges)
-        stored = plan.stored or MapTables()
-        levels = counts_levels_reached(footprints, *plan.size, plan.interpolation)
-        plan.levels = _with_stored(levels, stored.counts, keep_levels)
-        plan.has_index = index_is_reached(footprints) or keep_levels and stored.index != ""
+    plans = []
+    for groups in (groups for ways in sharing.values() for groups in ways.values()):
+        stored, size = _stored(groups, folder, states)
+        footprints = footprints_seen(scene, {group: uses[group] for group in groups}, size, mirrored=mirrored)
+        plan = MapPlan(groups, group_binding(groups[0]), size, states[image_of_pixels(groups[0])], stored, footprints)
+        known = stored or MapTables()
+        levels = counts_levels_reached(footprints, *size, plan.interpolation)
+        plan.levels = _with_stored(levels, known.counts, keep_levels)
+        plan.has_index = index_is_reached(footprints) or keep_levels and known.index != ""
+        plans.append(plan)
     return plans
+
+
+def footprints_seen(
+    scene: bpy.types.Scene, uses: Uses, size: tuple[int, int], *, mirrored: bool
+) -> tuple[float, float]:
+    """Smallest and largest footprint, in texels, of a map of `size` that all the groups of `uses` read."""
+    ranges = [footprint_range(scene, group, pairs, size, mirrored=mirrored) for group, pairs in uses.items()]
+    return min(low for low, _ in ranges), max(high for _, high in ranges)
 
 
 def named_levels(plans: list[MapPlan]) -> dict[str, list[int] | None]:
@@ -124,19 +136,22 @@ def named_levels(plans: list[MapPlan]) -> dict[str, list[int] | None]:
     }
 
 
-def _plan(groups: list[bpy.types.ShaderNodeTree], folder: Path, states: ImageStates) -> MapPlan:
-    image, binding = image_of_pixels(groups[0]), group_binding(groups[0])
+def _stored(
+    groups: list[bpy.types.ShaderNodeTree], folder: Path, states: ImageStates
+) -> tuple[MapTables | None, tuple[int, int]]:
+    """The stored tables of the map of `groups`, if there are any, and its size (width, height) in texels."""
+    image = image_of_pixels(groups[0])
     state = states[image]
     found = (stored_tables(group, state, folder) for group in groups)
     stored = next((tables for tables in found if tables is not None), None)
     if stored is not None and stored.size is not None:
-        return MapPlan(groups, binding, stored.size, state, stored)
+        return stored, stored.size
     if image_stamp(image) and not any(state == MapTables.of(group).source for group in groups):
         image.reload()  # Blender may still hold the pixels of an older file
     height, width, _ = image_shape(image)
     if 0 in (height, width):
         image_pixels(image)  # raises the sentence
-    return MapPlan(groups, binding, (width, height), state, None)
+    return None, (width, height)
 
 
 def _with_stored(levels: tuple[int, int] | None, counts: CountsTable, keep_levels: bool) -> tuple[int, int] | None:

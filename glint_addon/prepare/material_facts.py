@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
 from pathlib import Path
 
 import bpy
@@ -15,12 +16,12 @@ from .stored_tables import remembered_tables
 from .uses import Uses, shown_map
 
 VALUES = (ROUGHNESS.name, STRENGTH.name)  # sockets that say which lights facets can mirror
-BINDING_WORDS = ("Interpolation", "Convention", "Distribution", "UV map", "Extension")
+BINDING_WORDS = ("Interpolation", "Convention", "Distribution", "UV map", "Extension", "Frames")
 
 
 def material_facts(uses: Uses, states: ImageStates) -> dict[str, list[list[str]]]:
     """Of each material its groups: [name of the map, its state, how it is read..., roughness and strength]; where it
-    cannot be read, the first word of five says why, and the others are empty."""
+    cannot be read, the first of these words says why, and the others are empty."""
     found: dict[str, list[list[str]]] = {}
     for group, pairs in uses.items():
         for material in dict.fromkeys(material for _, material in pairs):
@@ -77,9 +78,10 @@ def _group(group: bpy.types.ShaderNodeTree, states: ImageStates) -> list[str]:
     try:
         binding = group_binding(group)
     except GlintError as error:
-        return [image.name_full, states[image], str(error), "", "", "", ""]
+        return [image.name_full, states[image], str(error), *[""] * (len(BINDING_WORDS) - 1)]
+    frames = " ".join(map(str, astuple(binding.frames))) if binding.frames else "all"
     return [image.name_full, states[image], binding.interpolation, binding.convention, binding.distribution,
-            binding.uv_map, binding.extension]
+            binding.uv_map, binding.extension, frames]
 
 
 def _changed_pixels(name: str, state: str) -> str:

@@ -50,10 +50,9 @@ class Report:
         counts.bytes_baked, counts.bytes_in_use = (sum(path.stat().st_size for path in each) for each in (baked, used))
 
     @property
-    def looks_for_lights(self) -> bool:
-        """Whether any material in view has a light to look for."""
-        hinted = {name for name, lights in self.hints_by_material.items() if lights}
-        return not hinted <= set(self.unseen)
+    def lit_materials(self) -> set[str]:
+        """Names of the materials in view that have a light to look for."""
+        return {name for name, lights in self.hints_by_material.items() if lights} - set(self.unseen)
 
     def as_dict(self) -> dict[str, Any]:
         """The same as plain data, for scripts."""

@@ -26,10 +26,11 @@ from .map_plans import MapPlan, map_plans, named_levels
 from .memory import DEFAULT_BUDGET
 from .report import Report
 from .scene_warnings import device, reads_scene, scene_warnings
-from .shading_system import choose_shading_system, is_on
+from .shading_system import LEFT_OFF, LEFT_ON, ONE_FILE, choose_shading_system, is_on, runs_lobe
 from .table_budget import fit_budget
 from .table_files import keep_tables
 from .uses import Uses, glint_uses, regrouped
+from .ways import choose_ways, maps_by_nodes
 
 
 def prepare_scene(
@@ -78,22 +79,27 @@ def preparation(
     budget = _setting(scene, "table_budget", table_budget, DEFAULT_BUDGET)
     uses, report.unseen = _uses_in_view(scene, found, with_unseen)
     states = ImageStates()
+    by_nodes, footprints = maps_by_nodes(scene, uses, states, mirrored=with_unseen)
+    exact = {group: pairs for group, pairs in uses.items() if group not in by_nodes}
     baked: list[tuple[MapPlan, MapTables]] = []
     if osl_available():
-        baked = yield from _baked(scene, uses, report, states, budget, mirrored=with_unseen)
+        baked = yield from _baked(scene, exact, report, states, budget, mirrored=with_unseen)
 
-    others_look = _other_files_look(found, lit)
+    others_look = runs_lobe(scene) and _other_files_look(found, lit)
+    exact_materials = {material.name for pairs in exact.values() for _, material in pairs}
     _use_tables(baked)
-    for group in (group for group in lit if group.library is None):
-        if not osl_available():
-            glint_bsdf.refresh(group)  # nothing was baked for it, which brings groups up to date elsewhere
-        glint_bsdf.choose_way(group, by_nodes=scene.render.engine != "CYCLES")
+    footprints |= {group: plan.footprints for plan, _ in baked for group in plan.groups}
+    choose_ways(scene, [group for group in lit if group.library is None], footprints)
     if lit:
         _bound_work(connect_lights(scene, lit, report))
     keep_tables()
-    note = choose_shading_system(scene, is_needed=report.looks_for_lights or others_look)
+    is_needed = not exact_materials.isdisjoint(report.lit_materials) or others_look
+    is_of_no_use = choose_shading_system(scene, is_needed=is_needed)
     remember_preparation(scene, regrouped(found), states)
-    report.notes += [note] * bool(note)
+    if is_of_no_use and not report.lit_materials:
+        report.notes.append(LEFT_ON if scene.cycles.shading_system else LEFT_OFF)
+    if runs_lobe(scene) and by_nodes:
+        report.notes.append(ONE_FILE)
     report.osl = is_on(scene)
     return report
 

@@ -14,9 +14,16 @@ from ..properties import STAMP, SWITCHED_ON
 ENGINES = ("CYCLES", "BLENDER_EEVEE")  # which render glints
 NO_OSL = "This Blender has no Open Shading Language: glints are rendered by nodes, with more noise."
 ON_GPU = "On a GPU glints are rendered by nodes: right, and noisier than on the CPU."
+ONE_FILE = "A UDIM set or an image sequence fits no table: its glints are rendered by nodes, with more noise."
 NO_LIGHT = "No glint in view has a light worth looking for"
 LEFT_OFF = f"{NO_LIGHT}: Open Shading Language is off, and Blender's own nodes render the same picture, faster."
 LEFT_ON = f"{NO_LIGHT}: switch Open Shading Language off in the Render properties, and the same picture renders faster."
+
+
+def runs_lobe(scene: bpy.types.Scene) -> bool:
+    """Whether `scene` is set to render where the OSL lobe runs: in Cycles, on a CPU, whose shading points hold 64
+    closures."""
+    return osl_available() and scene.render.engine == ENGINES[0] and scene.cycles.device == "CPU"
 
 
 def is_on(scene: bpy.types.Scene) -> bool:
@@ -24,23 +31,21 @@ def is_on(scene: bpy.types.Scene) -> bool:
     return osl_available() and hasattr(scene, "cycles") and bool(scene.cycles.shading_system)
 
 
-def choose_shading_system(scene: bpy.types.Scene, *, is_needed: bool) -> str:
+def choose_shading_system(scene: bpy.types.Scene, *, is_needed: bool) -> bool:
     """Switch Open Shading Language on where `is_needed`, off again where it is not and only Glint had it on.
 
-    Script nodes outside the glints count: Glint's textures need OSL, for all others the user's choice stays. Returns a
-    sentence if OSL would be of no use to `scene`, else "".
+    Script nodes outside the glints count: Glint's textures need OSL, for all others the user's choice stays. Returns
+    whether OSL is of no use to `scene`.
     """
     if not osl_available() or not hasattr(scene, "cycles"):
-        return ""
+        return False
     scripts = _scripts_outside_glints()
     if is_needed or STAMP in scripts:
         _switch_on(scene)
-        return ""
-    if scripts:
-        return ""
-    if scene.pop(SWITCHED_ON, False) and scene.cycles.shading_system:
+        return False
+    if not scripts and scene.pop(SWITCHED_ON, False) and scene.cycles.shading_system:
         scene.cycles.shading_system = False
-    return LEFT_ON if scene.cycles.shading_system else LEFT_OFF
+    return not scripts
 
 
 def _switch_on(scene: bpy.types.Scene) -> None:

@@ -10,7 +10,7 @@ import bpy
 
 from .. import paths
 from ..bake.float_image import is_whole
-from ..images import image_shape, image_stamp, is_unsaved
+from ..images import image_shape, image_stamp, image_state, is_several, is_unsaved
 from ..nodes.builder import version_of
 from ..nodes.glint_bsdf import VERSION
 from ..nodes.map_tables import NO_COUNTS, MapTables
@@ -41,6 +41,8 @@ def stored_tables(group: bpy.types.ShaderNodeTree, state: str, folder: Path) -> 
 def is_missing(group: bpy.types.ShaderNodeTree) -> bool:
     """Whether neither the file nor the pixels of the group's map are to be had."""
     image = image_of_pixels(group)
+    if is_several(image):
+        return image_state(image) == ""
     if is_unsaved(image) or image.packed_file is not None or image.source != "FILE":
         return False
     return image_stamp(image) == "" and 0 in image_shape(image)

@@ -5,9 +5,10 @@ from pathlib import Path
 import bpy
 
 from ..errors import GlintError
-from ..nodes.glint_bsdf import group_binding
+from ..images import is_several
+from ..nodes.glint_bsdf import group_binding, is_by_nodes, is_way_chosen
 from ..nodes.map_binding import map_of
-from ..nodes.map_choices import CHOICES
+from ..nodes.map_choices import CHOICES, IMAGE_NODE
 from ..nodes.map_tables import MapTables
 from ..nodes.places import count_node
 from ..nodes.script_node import osl_available
@@ -20,6 +21,8 @@ from .place import GlintPanel, PreparedPanel
 from .text import draw_sentence
 
 MOST_CHANGES = 5  # sentences on what changed
+SEVERAL = {"TILED": "UDIM set", "SEQUENCE": "Image sequence"}
+FRAMES = ("frame_duration", "frame_start", "frame_offset", "use_cyclic")  # of an image sequence
 
 
 class GLINT_PT_material(GlintPanel, bpy.types.Panel):
@@ -93,13 +96,17 @@ def draw_maps(layout, context):
         words, icon = table_words(group, context)
         if words:
             column.label(text=words, icon=icon)
-        counter = count_node(group)
-        if counter is not None and way_of(context.scene).startswith("by nodes"):
-            column.prop(counter, "integer", text="Places")
+        if image.source == "SEQUENCE" and IMAGE_NODE in group.nodes:
+            for name in FRAMES:
+                column.prop(group.nodes[IMAGE_NODE].image_user, name)
+        if context.scene.glint.hints and hasattr(context.scene, "cycles") and is_by_nodes(group, context.scene):
+            column.prop(count_node(group), "integer", text="Places")
 
 
 def table_words(group, context) -> tuple[str, str]:
     """What there is to say about the tables of a group, and its icon."""
+    if is_several(map_of(group)):
+        return f"{SEVERAL[map_of(group).source]}: glints by nodes", "INFO"
     lost, tables = watch.lost_tables(context.scene), MapTables.of(group)
     wrong = [lost[name] for name in map(bpy.path.basename, tables.paths) if name in lost]
     if not osl_available():
@@ -110,6 +117,8 @@ def table_words(group, context) -> tuple[str, str]:
         return bpy.path.basename(tables.path), "FILE_CACHE"
     if context.material.name in context.scene.glint.unseen:
         return "No camera saw it when prepared: no table", "HIDE_ON"
+    if is_way_chosen(group):
+        return "", "NONE"
     if tables.size is not None:
         return "Over the table budget: no table", "ERROR"
     return "Not prepared yet", "ERROR"

@@ -64,6 +64,7 @@ def compare(
     prepare=True,
     lit=True,
     osl_nodes=False,
+    by_nodes=False,
     finite_only="",
     case="",
     note="",
@@ -74,8 +75,8 @@ def compare(
     `create_glint_material` (default `SURFACE`). `normal_map`: encoded pixels (height, width, 3), or a function without
     arguments that returns a bpy image (default `gentle_bumps`). `nodes`, `lobe`: (spp, seeds), at least two seeds.
     `lit`: whether light must come out at all. `osl_nodes`: run the nodes through OSL too, slower and, rarely, another
-    answer. `finite_only` says why the nodes are no truth here: then the lobe's pixels are only checked to be finite and
-    not negative. `case` tells several comparisons of one test apart.
+    answer. `by_nodes`: render the glint material without OSL. `finite_only` says why the nodes are no truth here: then
+    the lobe's pixels are only checked to be finite and not negative. `case` tells comparisons of one test apart.
     Raises AssertionError with the numbers.
     """
     surface = SURFACE if surface is None else surface
@@ -87,6 +88,8 @@ def compare(
     scene, image = _scene(normal_map, size)
     build(scene, glint_addon.create_glint_material("Glint", image, **surface))
     report = glint_addon.prepare_scene(scene) if prepare else {}
+    if by_nodes:
+        scene.cycles.shading_system = False
     outcome = Outcome(first, pictures(scene, *lobe), report)
 
     faults = _faults_of_lobe(outcome) or ([] if finite_only else _faults(outcome, lit))

@@ -179,12 +179,11 @@ def test_pixels_without_a_direction_are_refused(scene):
     assert "no direction" in refusal("Sparkle", float_image(fill=(0.5, 0.5, 0.5)))
 
 
-def test_tiled_and_moving_images_are_refused(flake_map):
-    assert "UDIM" in refusal("Sparkle", bpy.data.images.new("tiles", 4, 4, tiled=True))
+def test_movies_and_unsaved_sets_that_are_shown_as_colour_are_refused(flake_map):
+    assert "UDIM set" in refusal("Sparkle", bpy.data.images.new("tiles", 4, 4, tiled=True))
     image = bpy.data.images.load(str(flake_map))
-    for source in ("SEQUENCE", "MOVIE"):
-        image.source = source
-        assert source.lower() in refusal("Sparkle", image)
+    image.source = "MOVIE"
+    assert "movie" in refusal("Sparkle", image)
 
 
 def test_a_bad_image_shown_as_colour_leaves_no_copy(scene):

@@ -26,7 +26,7 @@ SHARP = {"roughness": 0.15}
 SUN = (0.15, 0.1, 1.0)
 # The hidden groups as their version made them: where one changes, raise VERSION in glint_addon/nodes/places.py and put
 # the new digest here.
-BUILT = (1, "a6305a99a2731a0a")
+BUILT = (1, "8f0cd2ff3b0f823c")
 
 
 def stage(make_material, *, repeats=REPEATS, width=2.0, light=None, spp=4, **surface):
@@ -149,6 +149,24 @@ def test_where_places_are_of_no_use_the_picture_is_that_of_plain_nodes_to_the_bi
     assert found.mean() > 0.01
 
 
+def test_places_are_not_even_compiled_where_no_camera_sees_a_footprint_wider_than_a_texel():
+    def wide(scene):
+        return group_of(scene).nodes[glint_bsdf.WIDE_NODE].outputs[0].default_value
+
+    scene = by_nodes()
+    assert wide(scene) == 1.0
+    group = group_of(scene)
+    scene.camera.data.ortho_scale = 1e-3
+    prepare_scene(scene)
+    assert wide(scene) == 0.0
+    # The number is a factor of the places' weight, which Cycles drops where it is 0.
+    factor = group.nodes[glint_bsdf.PLACES_MIX].inputs[0].links[0].from_node.inputs[0].links[0].from_node
+    assert factor.operation == "MULTIPLY" and factor.inputs[0].links[0].from_node.name == glint_bsdf.WIDE_NODE
+    bpy.data.scenes.new("Another, which may see more")
+    prepare_scene(scene)
+    assert wide(scene) == 1.0
+
+
 @pytest.mark.parametrize("count", [-3, 1, 64, 10_000])
 def test_any_number_of_places_fits(count):
     # Cycles' node stack has 255 numbers: 64 places would overflow it if they were worked on side by side.
@@ -245,11 +263,11 @@ def test_places_read_the_map_as_the_nodes_that_were_changed_by_hand():
     assert {nodes[name].inputs["GGX"].default_value for name in places.IMPORTANCE_NODES} == {1.0}
 
 
+@pytest.mark.parametrize("texels", [64.0, 16384.0], ids=["within bounds", "far too wide"])
 @pytest.mark.parametrize("width", [2.0, None], ids=["orthographic", "perspective"])
-def test_the_footprint_is_the_pixel_laid_on_the_surface(scene, width):
+def test_the_footprint_is_the_pixel_laid_on_the_surface(scene, width, texels):
     material, colour = cycles.emission_material()
     tree = material.node_tree
-    texels = 64.0
     footprint = add_node(tree, "ShaderNodeGroup", node_tree=places.hidden_group(places.FOOTPRINT),
                          inputs={"Size": (texels, texels, 0.0), "Samples": 16.0})
     uv = add_node(tree, "ShaderNodeUVMap")
@@ -269,7 +287,8 @@ def test_the_footprint_is_the_pixel_laid_on_the_surface(scene, width):
     distance, cosine = np.linalg.norm(place), place[2] / np.linalg.norm(place)
     pixel = (width if width is not None else 2.0 * math.tan(angle / 2.0) * distance) / 16
     radius = pixel * places.FOOTPRINT_SCALE * 16.0**-places.FOOTPRINT_EXPONENT
-    expected = (radius * 3.0 / 2.0) ** 2 / cosine  # UV 0..3 over 2 m
+    expected = min((radius * 3.0 / 2.0) ** 2 / cosine, (places.WIDEST / texels) ** 2)  # UV 0..3 over 2 m
+    assert (expected == (places.WIDEST / texels) ** 2) == (texels > 64)
     found = picture(scene)[6:10, 6:10]
     np.testing.assert_allclose(found, expected, rtol=0.02)
 

@@ -29,7 +29,8 @@ NOT_OURS = {
 DEFINED = (r"^\s*(?:def|class|struct|shader|#define|closure color|int|float|void|vector|color|[A-Z]\w+) {name}\b"
            r"|^{name}\b")
 # Options of Blender, of farms, of pytest and of package tools.
-OPTIONS_OF_OTHERS = {"--command", "--background", "--python", "--repo", "--enable", "--gpu-backend", "--durations"}
+OPTIONS_OF_OTHERS = {"--command", "--cycles-device", "--background", "--python", "--repo", "--enable", "--gpu-backend",
+                     "--durations"}
 # Words that were hard to understand, and may not come back.
 FORBIDDEN = (
     "lights whose glints it can tell", "turning the camera or a light by hand", "to what it missed",

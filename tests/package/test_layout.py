@@ -27,7 +27,7 @@ ALLOWED = {
     },
     "operators": {"errors", "images", "materials", "nodes", "prepare", "properties"},
     "cli": {"bake", "errors", "materials", "nodes", "operators", "paths", "prepare"},
-    "ui": {"errors", "materials", "nodes", "operators", "prepare"},
+    "ui": {"errors", "images", "materials", "nodes", "operators", "prepare"},
     "": {"cli", "operators", "prepare", "ui"},
     "__main__": {"", "cli"},
 }

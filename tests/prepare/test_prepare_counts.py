@@ -74,9 +74,22 @@ def test_a_table_that_two_groups_read_counts_once(scene, folder, tmp_path):
 def test_a_second_scene_with_the_same_material_bakes_nothing(scene, folder):
     first = prepare_scene(scene)["counts"]
     other = bpy.data.scenes.new("Other")
+    other.render.engine = "CYCLES"
     other.camera = scene.camera
     other.collection.objects.link(bpy.data.objects["Mesh"])
     assert prepare_scene(other)["counts"] == {**first, **IDLE}
+
+
+@pytest.mark.parametrize("change", ["GPU", "BLENDER_EEVEE"])
+def test_what_renders_by_nodes_bakes_nothing_and_leaves_osl_off(scene, folder, change):
+    scene.cycles.shading_system = False
+    if change == "GPU":
+        scene.cycles.device = change
+    else:
+        scene.render.engine = change
+    report = prepare_scene(scene)
+    assert report["hints"] == ["Sun"] and not any(report["counts"].values())
+    assert not scene.cycles.shading_system and not report["notes"]
 
 
 def test_a_map_that_no_file_holds_is_read_again_and_baked_once(scene, folder):

@@ -64,6 +64,6 @@ def test_lights_are_named_with_the_materials_that_look_for_them():
 
 def test_lights_are_looked_for_where_a_material_in_view_has_one():
     report = Report(hints_by_material={"Snow": ["Sun"], "Paint": []})
-    assert report.looks_for_lights
+    assert report.lit_materials == {"Snow"}
     report.unseen = ["Snow"]
-    assert not report.looks_for_lights and not Report().looks_for_lights
+    assert report.lit_materials == set()

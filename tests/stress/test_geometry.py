@@ -123,8 +123,8 @@ TRANSFORMS = {
 }
 
 
-@pytest.mark.parametrize("transform", TRANSFORMS)
-def test_transform_of_the_object(stress_record, transform):
+def transformed(transform):
+    """A build function: the square of `stage` with the object transform of that name."""
     matrix = TRANSFORMS[transform]
 
     def build(scene, material):
@@ -139,8 +139,13 @@ def test_transform_of_the_object(stress_record, transform):
         else:
             square.scale = matrix.to_scale() if matrix.determinant() > 0 else [matrix[k][k] for k in range(3)]
 
+    return build
+
+
+@pytest.mark.parametrize("transform", TRANSFORMS)
+def test_transform_of_the_object(stress_record, transform):
     # Without OSL Blender's nodes are black on an object of no height, with OSL they are lit.
-    compare(stress_record, build, osl_nodes=transform == "flattened to nothing")
+    compare(stress_record, transformed(transform), osl_nodes=transform == "flattened to nothing")
 
 
 def instances_of_a_collection(scene, source):

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...images import USABLE_SOURCES
+from ...images import is_still
 from ...nodes.driven import Driven
 from ...nodes.glint_lights import HINT_COUNT, KIND_NONE, KIND_SUN
 from ..hint import Hint
@@ -108,7 +108,7 @@ def _spots(world: bpy.types.World, texture: Texture) -> tuple[list[Settings], li
     image = texture.node.image
     if image is None:
         return [], []
-    if image.source not in USABLE_SOURCES:
+    if not is_still(image):
         return [], [(world.name, f'"{image.name}" is a {image.source.lower()}, no still image: {LEFT}')]
     pixels = linear_pixels(image)
     if pixels is None:
