@@ -51,7 +51,7 @@ screenshots: $(STAMP)  ## Take the pictures of Blender's window in docs/ (needs 
 	@$(VENV_PYTHON) tools/screenshots.py out/screenshots
 	@$(or $(BLENDER),blender) --factory-startup --window-geometry 0 0 1300 1000 \
 	    --python tools/screenshots.py -- out/screenshots $(ARGS)
-	@cp out/screenshots/panel.png out/screenshots/node.png docs/
+	@cp out/screenshots/panel.png out/screenshots/node.png out/screenshots/eevee.png docs/
 
 clean:  ## Remove what is built; the environment stays
 	@rm -rf dist out .pytest_cache .ruff_cache .mypy_cache .hypothesis

@@ -23,13 +23,15 @@ def save_side_by_side(file, panels, *, title="", scale=1, exposure=1.0):
     and the view is Blender's Standard (sRGB curve, clipped at 1).
     Raises OSError if the file cannot be written.
     """
-    lines = max(len(label.splitlines()) for label, _ in panels)
-    columns = [_panel(label, pixels, lines, scale, exposure) for label, pixels in panels]
-    gap = np.full((len(columns[0]), MARGIN, 3), BACKGROUND, np.uint8)
-    row = np.concatenate([part for column in columns for part in (gap, column)] + [gap], axis=1)
-    edge = np.full((MARGIN, row.shape[1], 3), BACKGROUND, np.uint8)
-    heading = [_text(title, row.shape[1])] if title else []
-    _write(file, np.concatenate([edge, row, edge, *heading]))
+    save_rows(file, [(title, panels, exposure)], scale=scale)
+
+
+def save_rows(file, rows, *, scale=1):
+    """Write rows of labelled panels, all of the same width, to the PNG `file`, the first at the top.
+
+    rows: (title, panels, exposure), of which `save_side_by_side` writes one. Raises OSError as that does.
+    """
+    _write(file, np.concatenate([_row(title, panels, scale, exposure) for title, panels, exposure in reversed(rows)]))
 
 
 def standard_view(pixels) -> np.ndarray:
@@ -37,6 +39,16 @@ def standard_view(pixels) -> np.ndarray:
     linear = np.clip(np.asarray(pixels, np.float64), 0.0, 1.0)
     curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return (curve * 255 + 0.5).astype(np.uint8)
+
+
+def _row(title, panels, scale, exposure):
+    lines = max(len(label.splitlines()) for label, _ in panels)
+    columns = [_panel(label, pixels, lines, scale, exposure) for label, pixels in panels]
+    gap = np.full((len(columns[0]), MARGIN, 3), BACKGROUND, np.uint8)
+    row = np.concatenate([part for column in columns for part in (gap, column)] + [gap], axis=1)
+    edge = np.full((MARGIN, row.shape[1], 3), BACKGROUND, np.uint8)
+    heading = [_text(title, row.shape[1])] if title else []
+    return np.concatenate([edge, row, edge, *heading])
 
 
 def _panel(label, pixels, lines, scale, exposure):

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parent.parent
 README = ROOT / "demo_scenes" / "README.md"
 DOCS = ROOT / "docs"
 BEGIN, END = "<!-- demo table: begin -->", "<!-- demo table: end -->"
-DOCS_PICTURES = ("glint_before_after", "flakes_close", "flakes_far", "scratches_close", "brushed_far")
+DOCS_PICTURES = ("glint_before_after", "flakes_close", "flakes_far", "scratches_close", "brushed_far", "three_ways")
 
 
 def table(rows) -> str:

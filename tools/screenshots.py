@@ -1,10 +1,11 @@
-"""Take the pictures of the panel and of the node that the documents show, in the Blender application.
+"""Take the pictures of the panel, of the node and of EEVEE that the documents show, in the Blender application.
 
-    .venv/bin/python tools/screenshots.py FOLDER        # makes and prepares the scene with the bpy module
+    .venv/bin/python tools/screenshots.py FOLDER        # makes and prepares the scenes with the bpy module
     blender --factory-startup --window-geometry 0 0 1300 1000 --python tools/screenshots.py -- FOLDER
 
-The second command opens FOLDER/scene.blend, arranges the window, writes FOLDER/panel.png and FOLDER/node.png, and
-quits. `--grab "import -window root"` after `--` names a command that writes a picture of the whole screen to the file
+The second command opens FOLDER/scene.blend, arranges the window, writes FOLDER/panel.png and FOLDER/node.png, renders
+FOLDER/plain.blend and FOLDER/glint.blend in EEVEE, writes both to FOLDER/eevee.png, and quits.
+`--grab "import -window root"` after `--` names a command that writes a picture of the whole screen to the file
 at its end: under software OpenGL Blender's own screenshots are black.
 
 In a Blender that was built without Open Shading Language the panel would speak of that alone. The scene is prepared by
@@ -27,6 +28,8 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENE, MAP = "scene.blend", "flakes.png"
+EEVEE_SCENES = {"plain.blend": "Blender's plain nodes", "glint.blend": "Glint, by nodes"}
+EEVEE_SIZE, EEVEE_SPP, EEVEE_SCALE = (96, 96), 64, 3
 PAUSE = 2.0  # seconds for Blender to draw; software OpenGL takes that long
 PANEL_WIDTH = 0.46  # of the 3D viewport
 MARGIN = 14  # pixels left around what a picture shows
@@ -44,6 +47,7 @@ def main() -> int:
     sys.path.insert(0, str(ROOT))
     if bpy.app.background:
         make_scene(arguments.folder.resolve())
+        make_eevee_scenes(arguments.folder.resolve())
     else:
         bpy.app.timers.register(Steps(pictures(arguments.folder.resolve(), arguments.grab)), persistent=True)
     return 0
@@ -78,6 +82,23 @@ def make_scene(folder: Path):
     bpy.ops.wm.save_mainfile()
 
 
+def make_eevee_scenes(folder: Path):
+    """Save the demo's far view of flakes in `folder`, for EEVEE, with plain nodes and with Glint."""
+    import glint_addon
+    from demo_scenes import flakes_far, maps, stage
+    from demo_scenes.truth import truth_material
+
+    for name in EEVEE_SCENES:
+        scene = stage.empty_scene(EEVEE_SIZE, EEVEE_SPP)
+        scene.render.engine, scene.eevee.taa_render_samples = "BLENDER_EEVEE", EEVEE_SPP
+        image = maps.blender_image("flakes", flakes_far.normal_map())
+        image.pack()
+        make = truth_material if name == "plain.blend" else glint_addon.create_glint_material
+        flakes_far.build(scene, make("Flakes", image, **flakes_far.SURFACE))
+        glint_addon.prepare_scene(scene)
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / name))
+
+
 def select(thing):
     """Make an object the active one."""
     bpy.context.view_layer.objects.active = thing
@@ -105,7 +126,7 @@ class Steps:
 
 
 def pictures(folder: Path, grab: str):
-    """Open the scene and take both pictures: a generator for `Steps`."""
+    """Open the scenes and take all pictures: a generator for `Steps`."""
     preferences = bpy.context.preferences
     preferences.view.show_splash = False
     preferences.view.use_save_prompt = False
@@ -120,6 +141,7 @@ def pictures(folder: Path, grab: str):
     window().cursor_warp(0, 0)  # a pointer over a socket would show what that holds
     yield from node_picture(folder / "node.png", grab)
     yield from panel_picture(folder / "panel.png", grab)
+    yield from eevee_picture(folder)
     # Blender takes them away itself when it quits; a panel within another comes after that.
     for panel in sorted(hidden, key=lambda panel: hasattr(panel, "bl_parent_id")):
         bpy.utils.register_class(panel)
@@ -150,6 +172,21 @@ def panel_picture(file: Path, grab: str):
     editor.spaces.active.context = "MATERIAL"
     yield 4 * PAUSE  # the extension looks at the files, Blender renders the icon of the material
     save(trimmed(shown_in(region_of(editor), file, grab)), file)
+
+
+def eevee_picture(folder: Path):
+    """What EEVEE renders with plain nodes and with Glint, side by side."""
+    from demo_scenes import measure, picture
+
+    panels = []
+    for name, label in EEVEE_SCENES.items():
+        bpy.ops.wm.open_mainfile(filepath=str(folder / name), load_ui=False)
+        yield PAUSE
+        pixels = measure.rendered(bpy.context.scene)
+        light = measure.luminance(pixels)
+        panels.append((f"{label}\nmean {light.mean():.3f}, deviation {light.std() / light.mean():.1f} of it", pixels))
+    title = f"EEVEE, {EEVEE_SPP} samples, about 1400 flakes in a pixel"
+    picture.save_side_by_side(folder / "eevee.png", panels, title=title, scale=EEVEE_SCALE)
 
 
 def register_for_pictures():
