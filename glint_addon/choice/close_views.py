@@ -11,8 +11,9 @@ import numpy as np
 from ..animation.places import places
 from ..nodes.glint_bsdf import group_binding
 from ..nodes.map_tables import MapTables
+from ..nodes.places import FOOTPRINT_EXPONENT, FOOTPRINT_SCALE
 from ..seen.coordinates import largest_texel_area, uv_transforms
-from ..seen.footprints import FOOTPRINT_EXPONENT, FOOTPRINT_SCALE, rigid_mesh
+from ..seen.footprints import rigid_mesh
 from ..seen.scene_views import SceneViews
 from ..seen.surface import pixels_filled
 from .families import Family

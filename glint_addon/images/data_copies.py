@@ -13,7 +13,7 @@ from ..errors import MapError
 from ..properties import COPY_CONTENT, COPY_OF, COPY_STATE
 from .files import image_path, is_several
 from .pixels import read_pixels
-from .state import ImageStates, image_state, is_unsaved
+from .state import ImageStates, image_state, is_in_memory, is_unsaved
 
 
 def data_image(
@@ -27,11 +27,11 @@ def data_image(
     """
     if image.colorspace_settings.is_data:
         return image
-    state = image_state(image) if states is None else states[image]
-    if state == image.source:  # of several files, see `image_state`
+    if is_several(image) and is_in_memory(image):
         kind = "UDIM set" if image.source == "TILED" else "sequence"
         raise MapError(f'Normal map "{image.name}" is a {kind} that is shown as colour and not saved in files: set its '
                        "Color Space to Non-Color, or save it (Image > Save).")
+    state = image_state(image) if states is None else states[image]
     if copy is not None:
         _follow(copy, image, state)
     for known in bpy.data.images:

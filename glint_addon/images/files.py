@@ -71,20 +71,27 @@ def image_files(image: bpy.types.Image) -> list[Path]:
         files = (path.with_name(_tile_name(path.name, tile.number)) for tile in image.tiles)
         return [file for file in files if file.is_file()] if image.filepath else []
     match = NUMBER.match(path.stem)
-    if match is None or not path.parent.is_dir():
+    if match is None:
         return [path] if path.is_file() else []
     head, _, tail = match.groups()
-    pattern = re.compile(f"{re.escape(head)}(\\d+){re.escape(tail + path.suffix)}")
-    files = [file for file in path.parent.iterdir() if pattern.fullmatch(file.name)]
+    files = _matching(path.parent, head, r"\d+", tail + path.suffix)
     return sorted(files, key=lambda file: (int(_number(file)), file.name))
 
 
 def udim_files(path: Path) -> list[Path]:
     """The files on disk of the UDIM set `path`, in whose name "<UDIM>" stands for the number of a tile."""
     head, _, tail = path.name.partition(UDIM)
-    pattern = re.compile(f"{re.escape(head)}(\\d{{4}}){re.escape(tail)}")
-    files = path.parent.iterdir() if path.parent.is_dir() else ()
-    return sorted(file for file in files if pattern.fullmatch(file.name))
+    return sorted(_matching(path.parent, head, r"\d{4}", tail))
+
+
+def _matching(folder: Path, head: str, number: str, tail: str) -> list[Path]:
+    """The files in a folder whose names are a number, by its regular expression, between two words; none of a folder
+    that is not there or may not be looked into."""
+    pattern = re.compile(re.escape(head) + number + re.escape(tail))
+    try:
+        return [file for file in folder.iterdir() if pattern.fullmatch(file.name)]
+    except OSError:
+        return []
 
 
 def _tile_name(name: str, number: int) -> str:

@@ -16,12 +16,7 @@ def image_stamp(image: bpy.types.Image) -> str:
     """A string that changes with the file of `image`; "" if it has no clean file (generated, packed or painted)."""
     if image.source != "FILE" or image.packed_file or image.is_dirty:
         return ""
-    path = image_path(image)
-    try:
-        state = path.stat()
-    except OSError:
-        return ""
-    return f"{path.name}|{state.st_mtime_ns}|{state.st_size}"
+    return _stamp(image_path(image))
 
 
 def image_state(image: bpy.types.Image) -> str:
@@ -67,14 +62,27 @@ def is_unsaved(image: bpy.types.Image) -> bool:
     return image.source == "GENERATED" or image.is_dirty
 
 
+def is_in_memory(image: bpy.types.Image) -> bool:
+    """Whether files do not hold all of a UDIM set or an image sequence: it is painted, packed or generated."""
+    return image.is_dirty or len(image.packed_files) > 0 or not image.filepath
+
+
 def _state_of_several(image) -> str:
-    if image.is_dirty or image.packed_files or not image.filepath:
+    if is_in_memory(image):
         return image.source
     files = image_files(image)
     if image.colorspace_settings.is_data or not files:
         return image.source if files else ""
-    stamps = [(file.name, status.st_mtime_ns, status.st_size) for file in files for status in (file.stat(),)]
-    return f"{image.source}|{_digest(repr(stamps).encode())}"
+    return f"{image.source}|{_digest(' '.join(map(_stamp, files)).encode())}"
+
+
+def _stamp(path) -> str:
+    """A string that changes with a file; "" if it is not to be had."""
+    try:
+        state = path.stat()
+    except OSError:
+        return ""
+    return f"{path.name}|{state.st_mtime_ns}|{state.st_size}"
 
 
 def _pixels_digest(image) -> str:

@@ -26,7 +26,7 @@ from .builder import (
     new_group,
     version_of,
 )
-from .driven import Driven, Variable, number_at, write_number
+from .driven import Driven, Variable, driver_curve, write_number
 from .map_binding import ORIGINAL_NODE, MapBinding, is_old, map_of, nodes_binding, write_reading
 from .map_choices import CHOICES, FACETS_NODE, IMAGE_NODE, NORMAL_NODE
 from .map_tables import SCRIPT_NODE, forget_table
@@ -296,15 +296,15 @@ def is_by_nodes(group, scene) -> bool:
 def is_way_chosen(group) -> bool:
     """Whether a Glint BSDF group renders by nodes, whatever a scene's settings say: it was prepared for no other."""
     way = group.nodes.get(WAY_NODE)
-    return way is not None and not isinstance(number_at(way.outputs["Value"]), Driven)
+    return way is not None and driver_curve(way.outputs["Value"]) is None
 
 
-def use_places(group, *, is_seen: bool):
-    """Say whether a camera sees any footprint of a Glint BSDF group's map that is wider than a texel: where none does,
-    places are not even compiled."""
-    node = group.nodes.get(WIDE_NODE)
-    if node is not None and node.outputs["Value"].default_value != float(is_seen):
-        node.outputs["Value"].default_value = float(is_seen)
+def follow_footprints(group, size, *, are_wide: bool):
+    """Let the places of a Glint BSDF group, if it has any, know its map's `size` (width, height) in texels, and whether
+    a camera sees a footprint wider than a texel: where none does, places are not even compiled."""
+    if _has_places(group):
+        places.follow_size(group, size)
+        write_number(group.nodes[WIDE_NODE].outputs["Value"], float(are_wide))
 
 
 def _add_places(group, source, lights, coordinates, glossy):
@@ -335,13 +335,14 @@ def _add_places(group, source, lights, coordinates, glossy):
     bounced = add_node(group, "ShaderNodeLightPath").outputs["Is Diffuse Ray"]
     is_useful = add_math(group, "MULTIPLY", found.is_useful, add_math(group, "SUBTRACT", 1.0, bounced))
     is_wide = add_node(group, "ShaderNodeValue", WIDE_NODE).outputs["Value"]
-    use_places(group, is_seen=True)
     by_nodes = add_math(group, "MULTIPLY", is_wide,
                         add_math(group, "SUBTRACT", 1.0, group.nodes[WAY_NODE].outputs["Value"]))
     mix = add_node(group, "ShaderNodeMixShader", PLACES_MIX)
     for socket, shader in zip(mix.inputs, (add_math(group, "MULTIPLY", by_nodes, is_useful), glossy, lobes.outputs[0]),
                               strict=True):
         group.links.new(shader, socket)
+    height, width, _ = image_shape(group.nodes[IMAGE_NODE].image)
+    follow_footprints(group, (width, height), are_wide=True)
     return mix.outputs[0]
 
 
@@ -350,8 +351,7 @@ def _follow_nodes(group, binding):
     if _has_places(group):
         write_reading(group, binding, {IMAGE_NODE: (PLACES_IMAGE,), FACETS_NODE: (KEPT_FACETS, OWN_FACETS),
                                        NORMAL_NODE: (TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL)})
-        height, width, _ = image_shape(binding.image)
-        places.follow_reading(group, (width, height), binding.distribution == "GGX")
+        places.follow_distribution(group, binding.distribution == "GGX")
     script = group.nodes.get(SCRIPT_NODE)
     if script is None:
         return

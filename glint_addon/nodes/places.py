@@ -35,7 +35,7 @@ FLOOR = 0.05
 WIDENING = 1.1
 # Squared width of a Gaussian that has the variance of a disk of radius 1.
 DISK = 0.5
-# Footprint radius in pixels of one of n samples: scale / n^exponent, as osl/footprint.h has it.
+# Radius in pixels of the footprint of one of n samples: scale / n^exponent, as osl/footprint.h has it.
 FOOTPRINT_SCALE, FOOTPRINT_EXPONENT = 1.1, 0.21
 # Radius of a footprint in texels from which on there is more than one normal to choose from, and the largest that is
 # spread over: in it are as many normals as any number of places can use, and the less of the surface, the less light
@@ -140,9 +140,13 @@ def count_node(group) -> bpy.types.Node | None:
     return group.nodes.get(COUNT_NODE)
 
 
-def follow_reading(group, size, is_ggx: bool):
-    """Let the places follow the map's size (width, height) in texels and the distribution of its facets."""
+def follow_size(group, size):
+    """Let the places follow the map's size (width, height) in texels."""
     _set(group.nodes[FOOTPRINT_NODE].inputs["Size"], (*size, 0.0))
+
+
+def follow_distribution(group, is_ggx: bool):
+    """Let the places follow the distribution of the map's facets."""
     for name in IMPORTANCE_NODES:
         _set(group.nodes[name].inputs["GGX"], float(is_ggx))
 

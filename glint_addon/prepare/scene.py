@@ -88,7 +88,7 @@ def preparation(
     others_look = runs_lobe(scene) and _other_files_look(found, lit)
     exact_materials = {material.name for pairs in exact.values() for _, material in pairs}
     _use_tables(baked)
-    footprints |= {group: plan.footprints for plan, _ in baked for group in plan.groups}
+    footprints |= {group: (plan.size, plan.footprints) for plan, _ in baked for group in plan.groups}
     choose_ways(scene, [group for group in lit if group.library is None], footprints)
     if lit:
         _bound_work(connect_lights(scene, lit, report))

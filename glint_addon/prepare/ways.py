@@ -15,7 +15,8 @@ from .map_plans import footprints_seen
 from .shading_system import runs_lobe
 from .uses import Uses, image_of_pixels
 
-Footprints = dict[bpy.types.ShaderNodeTree, tuple[float, float]]
+# Of groups the size (width, height) of their map in texels, and the smallest and largest footprint that cameras see.
+Footprints = dict[bpy.types.ShaderNodeTree, tuple[tuple[int, int], tuple[float, float]]]
 
 
 def maps_by_nodes(
@@ -37,8 +38,8 @@ def maps_by_nodes(
     for same in sharing.values():
         height, width, _ = image_shape(image_of_pixels(next(iter(same))))
         if 0 not in (height, width):  # a missing map has a warning of its own
-            seen = footprints_seen(scene, same, (width, height), mirrored=mirrored)
-            footprints |= dict.fromkeys(same, seen)
+            size = width, height
+            footprints |= dict.fromkeys(same, (size, footprints_seen(scene, same, size, mirrored=mirrored)))
     return by_nodes, footprints
 
 
@@ -55,4 +56,5 @@ def choose_ways(scene: bpy.types.Scene, groups: Iterable[bpy.types.ShaderNodeTre
             MapTables.none_for((1, 1)).write_to(group)  # of the image that it had before
         glint_bsdf.choose_way(group, by_nodes=not runs_lobe(scene))
         if group in footprints:
-            glint_bsdf.use_places(group, is_seen=not is_alone or footprints[group][1] >= NARROWEST)
+            size, (_, widest) = footprints[group]
+            glint_bsdf.follow_footprints(group, size, are_wide=not is_alone or widest >= NARROWEST)

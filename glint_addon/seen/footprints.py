@@ -15,14 +15,12 @@ from ..animation.frames import scene_frames
 from ..animation.motion import copies_others, has_rigid_box
 from ..animation.poses import poses
 from ..bake.counts import counts_levels
+from ..nodes.places import FOOTPRINT_EXPONENT, FOOTPRINT_SCALE
 from .boxes import depth_range, is_inside
 from .cameras import CameraView, all_camera_views
 from .coordinates import evaluated_mesh, face_planes, texel_densities, uv_transforms, vertices
 from .mirrors import has_mirrors, renders_mirrors
 
-# Radius in pixels of the footprint of one of `samples` samples: osl/footprint.h.
-FOOTPRINT_SCALE = 1.1
-FOOTPRINT_EXPONENT = 0.21
 # Largest side of a block, in short semi-axes of the footprint, for which the shader reads counts: osl/counts.h. Up to
 # FAR_SIDE_SUBSET where other answers are worse, and up to FAR_SIDE_LONG where too many blocks lie under a footprint.
 FAR_SIDE = 0.7

@@ -159,7 +159,8 @@ def draw_state(layout, context):
     # What was said of the scene as it was prepared may be wrong since it changed.
     changes = watch.changes(scene)
     notes, warnings = ([], []) if changes else (state.notes, state.warnings)
-    layout.label(text=f"Glints: {way_of(scene)}", icon="BLANK1" if changes else "CHECKMARK")
+    groups = [node.node_tree for node in glint_nodes(context.material)]
+    layout.label(text=f"Glints: {way_of(scene, groups)}", icon="BLANK1" if changes else "CHECKMARK")
     for line in notes:
         draw_sentence(layout, context, line.name, "INFO")
     by_nodes = NO_OSL if not osl_available() else ON_GPU if scene.cycles.device == "GPU" else ""
@@ -173,15 +174,17 @@ def draw_state(layout, context):
         layout.operator("glint.keep_glints")
 
 
-def way_of(scene) -> str:
-    """What renders the glints of a scene that was prepared, in words."""
+def way_of(scene, groups) -> str:
+    """What renders the glints of a scene that was prepared, those of a material's Glint BSDF groups, in words."""
     if not scene.glint.hints:
         return "plain"
     if scene.render.engine in ENGINES[1:]:
         return "by nodes (EEVEE)"
     if scene.cycles.device == "GPU":
         return "by nodes (GPU)"
-    return "exact (OSL)" if is_on(scene) else "by nodes (no OSL)"
+    if not is_on(scene):
+        return "by nodes (no OSL)"
+    return "by nodes" if groups and all(map(is_way_chosen, groups)) else "exact (OSL)"
 
 
 def tables_of(scene) -> dict[Path, str]:

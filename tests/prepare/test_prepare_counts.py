@@ -80,6 +80,15 @@ def test_a_second_scene_with_the_same_material_bakes_nothing(scene, folder):
     assert prepare_scene(other)["counts"] == {**first, **IDLE}
 
 
+def test_a_map_whose_tables_are_there_is_not_even_loaded(scene, folder):
+    prepare_scene(scene)
+    image = next(image for image in bpy.data.images if image.source == "FILE")
+    image.buffers_free()
+    assert not image.has_data
+    prepare_scene(scene)
+    assert not image.has_data
+
+
 @pytest.mark.parametrize("change", ["GPU", "BLENDER_EEVEE"])
 def test_what_renders_by_nodes_bakes_nothing_and_leaves_osl_off(scene, folder, change):
     scene.cycles.shading_system = False

@@ -15,8 +15,8 @@ from glint_addon.prepare.report import Report
 from glint_addon.prepare.shading_system import LEFT_OFF, NO_OSL, ON_GPU
 from glint_addon.ui import menus, text
 from glint_addon.ui.lights_panel import GLINT_PT_lights
-from glint_addon.ui.panel import GLINT_PT_material, GLINT_PT_tables
-from tests.helpers import cycles
+from glint_addon.ui.panel import FRAMES, GLINT_PT_material, GLINT_PT_tables
+from tests.helpers import cycles, map_sets
 from tests.helpers.extension import data_names, write_flake_map
 from tests.helpers.no_osl import take_osl_away
 from tests.helpers.panel import SCREEN, Layout, words_of
@@ -420,6 +420,31 @@ def test_places_can_be_set_where_glints_are_rendered_by_nodes(prepared):
     assert "[Places]" not in drawn(GLINT_PT_material)
     prepared.cycles.device = "GPU"
     assert "[Places]" in drawn(GLINT_PT_material)
+
+
+def test_what_was_prepared_for_a_gpu_is_not_called_exact(prepared):
+    prepared.cycles.device = "GPU"
+    bpy.ops.glint.prepare()
+    prepared.cycles.device, prepared.cycles.shading_system = "CPU", True
+    assert "Glints: by nodes" in drawn(GLINT_PT_material)
+    bpy.ops.glint.prepare()
+    assert "Glints: exact (OSL)" in drawn(GLINT_PT_material)
+
+
+def test_a_udim_set_and_a_sequence_are_named_with_their_frames(registered, tmp_path):
+    for open_map, words in ((map_sets.udim_set, "UDIM set"), (map_sets.sequence, "Image sequence")):
+        scene = cycles.empty_scene()
+        thing = cycles.add_plane(scene)
+        cycles.add_sun(scene, (0, 0, 1))
+        cycles.add_camera(scene, (0, 0, 4), width=2.0)
+        bpy.context.view_layer.objects.active = thing
+        image = open_map(tmp_path)
+        bpy.ops.glint.add_material(image=image.name, name="Glint flakes")
+        bpy.ops.glint.prepare()
+        seen = drawn(GLINT_PT_material)
+        assert f"{words}: glints by nodes" in seen and "[Places]" in seen
+        frames = {bpy.types.ImageUser.bl_rna.properties[name].name for name in FRAMES}
+        assert frames.issubset({line.strip("[]") for line in seen}) == (words == "Image sequence")
 
 
 def test_a_blender_without_osl_gains_by_preparing_too(glinting, monkeypatch):
