@@ -10,13 +10,13 @@ from pathlib import Path
 
 FIGURES = ("constant_colour", "checker_sphere", "image_sphere", "glint_before_after")
 COMPARISONS = ("flakes_close", "flakes_far", "scratches_close", "brushed_far")
-WAYS = "three_ways"
+THREE_WAYS = "three_ways"
 
 
 def main(arguments=None) -> int:
     """Command line; returns the exit code. The table goes to standard output, progress to standard error."""
     options = _parser().parse_args(arguments)
-    names = options.only or (*FIGURES, *COMPARISONS, WAYS)
+    names = options.only or (*FIGURES, *COMPARISONS, THREE_WAYS)
     out = Path(options.out)
     _start_blender(out)
     if options.renew_truth:
@@ -32,7 +32,7 @@ def main(arguments=None) -> int:
         scene_module = import_module(f".{name}", __package__)
         if name in COMPARISONS:
             rows += compare(scene_module, out)
-        elif name == WAYS:
+        elif name == THREE_WAYS:
             three_ways.draw(out)
         else:
             draw_figure(scene_module, out)
@@ -47,7 +47,7 @@ def main(arguments=None) -> int:
 
 
 def _parser():
-    known = (*FIGURES, *COMPARISONS, WAYS)
+    known = (*FIGURES, *COMPARISONS, THREE_WAYS)
     parser = argparse.ArgumentParser(prog="python -m demo_scenes", description="Render the demo pictures of Glint.")
     parser.add_argument("--only", metavar="NAME", nargs="+", choices=known, help=f"scenes: {', '.join(known)}")
     parser.add_argument("--out", default="out", help="folder for pictures and table (default: out)")

@@ -57,11 +57,17 @@ def compare(scene_module, out: Path) -> list[Measurement]:
     return rows
 
 
+def scene_of(scene_module, make_material, spp, size=SIZE):
+    """The module's scene in the material `make_material(name, image, **surface)` of its map, `spp` samples a pixel."""
+    scene = stage.empty_scene(size, spp)
+    image = maps.blender_image("Normal map", scene_module.normal_map())
+    scene_module.build(scene, make_material("Surface", image, **scene_module.SURFACE))
+    return scene
+
+
 def lobe_render(scene_module):
     """(pixels, seconds without start-up, seconds to bake) of the glint material at the module's SPP."""
-    scene = stage.empty_scene(SIZE, scene_module.SPP)
-    image = maps.blender_image("Normal map", scene_module.normal_map())
-    scene_module.build(scene, glint_addon.create_glint_material("Glint", image, **scene_module.SURFACE))
+    scene = scene_of(scene_module, glint_addon.create_glint_material, scene_module.SPP)
     start = time.perf_counter()
     glint_addon.prepare_scene(scene)
     bake_seconds = time.perf_counter() - start
@@ -75,9 +81,7 @@ def nodes_render(scene_module, seconds):
 
     Without Open Shading Language, where Blender's nodes are fastest.
     """
-    scene = stage.empty_scene(SIZE, PILOT_SPP)
-    image = maps.blender_image("Normal map", scene_module.normal_map())
-    scene_module.build(scene, truth_material("Nodes", image, **scene_module.SURFACE))
+    scene = scene_of(scene_module, truth_material, PILOT_SPP)
     start_up = measure.start_up_seconds(scene)
 
     def timed(spp):

@@ -9,8 +9,8 @@ import numpy as np
 
 import glint_addon
 
-from . import maps, measure, picture, stage
-from .comparison import SIZE
+from . import measure, picture
+from .comparison import SIZE, scene_of
 from .stored_truth import stored_truth
 from .truth import truth_material
 
@@ -37,10 +37,7 @@ def draw(out: Path):
 
 def rendered(scene_module, osl: bool | None, size=SIZE, spp=SPP) -> np.ndarray:
     """A scene with Glint, through OSL or not, or with Blender's plain nodes where `osl` is None: (height, width, 4)."""
-    scene = stage.empty_scene(size, spp)
-    image = maps.blender_image("Normal map", scene_module.normal_map())
-    make = truth_material if osl is None else glint_addon.create_glint_material
-    scene_module.build(scene, make("Surface", image, **scene_module.SURFACE))
+    scene = scene_of(scene_module, truth_material if osl is None else glint_addon.create_glint_material, spp, size)
     if osl is not None:
         glint_addon.prepare_scene(scene)
     scene.cycles.shading_system = bool(osl)

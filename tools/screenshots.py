@@ -85,16 +85,14 @@ def make_scene(folder: Path):
 def make_eevee_scenes(folder: Path):
     """Save the demo's far view of flakes in `folder`, for EEVEE, with plain nodes and with Glint."""
     import glint_addon
-    from demo_scenes import flakes_far, maps, stage
+    from demo_scenes import flakes_far
+    from demo_scenes.comparison import scene_of
     from demo_scenes.truth import truth_material
 
-    for name in EEVEE_SCENES:
-        scene = stage.empty_scene(EEVEE_SIZE, EEVEE_SPP)
+    for name, make in zip(EEVEE_SCENES, (truth_material, glint_addon.create_glint_material), strict=True):
+        scene = scene_of(flakes_far, make, EEVEE_SPP, EEVEE_SIZE)
         scene.render.engine, scene.eevee.taa_render_samples = "BLENDER_EEVEE", EEVEE_SPP
-        image = maps.blender_image("flakes", flakes_far.normal_map())
-        image.pack()
-        make = truth_material if name == "plain.blend" else glint_addon.create_glint_material
-        flakes_far.build(scene, make("Flakes", image, **flakes_far.SURFACE))
+        bpy.data.images["Normal map"].pack()
         glint_addon.prepare_scene(scene)
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / name))
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import glint_addon
-from demo_scenes import comparison, maps, measure, picture, report, stage, stored_truth
+from demo_scenes import comparison, maps, measure, picture, report, stage, stored_truth, three_ways
 from demo_scenes.__main__ import COMPARISONS, FIGURES
 from demo_scenes.truth import truth_material
 from tests.helpers.cycles import read_image
@@ -140,6 +140,24 @@ def test_a_truth_material_refuses_an_image_shown_as_colour():
     image = bpy.data.images.new("Colour", 4, 4)
     with pytest.raises(ValueError, match="Non-Color"):
         truth_material("Truth", image)
+
+
+def test_three_ways_have_one_mean_and_their_order_of_noise():
+    """The brushed disc converges soonest."""
+    module, truth = scene_module("brushed_far"), stored_truth.stored_truth("brushed_far").pixels
+    pictures = [three_ways.rendered(module, osl, spp=64) for osl in three_ways.WAYS.values()]
+    errors = [measure.relative_rmse(pixels, truth) for pixels in pictures]
+    assert errors[0] < errors[1] < 0.5 * errors[2]
+    assert all(abs(measure.bias(pixels, truth)) < 0.05 for pixels in pictures)
+
+
+def test_rows_of_panels_stand_under_each_other(tmp_path):
+    rows = [("One", [("a", GRAY), ("b", GRAY)], 1.0), ("Two", [("c", GRAY), ("d", 0 * GRAY)], 1.0)]
+    picture.save_rows(tmp_path / "rows.png", rows, scale=16)
+    picture.save_rows(tmp_path / "row.png", rows[:1], scale=16)
+    both, first = read_image(tmp_path / "rows.png"), read_image(tmp_path / "row.png")
+    assert both.shape[0] == 2 * first.shape[0] and both.shape[1] == first.shape[1]
+    np.testing.assert_array_equal(both[first.shape[0]:], first)
 
 
 def test_every_picture_the_readme_shows_is_there_and_small():
