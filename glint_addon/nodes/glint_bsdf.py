@@ -152,13 +152,11 @@ def refresh(group):
     """
     binding = group_binding(group)
     if version_of(group) != VERSION or not _is_complete(group):
-        counter = places.count_node(group)
-        count = counter.integer if counter is not None else places.DEFAULT_COUNT
+        count = places.count_of(group)
         group.nodes.clear()
         _give_defaults(group, _add_sockets(group))
         _add_nodes(group, binding)
-        if places.count_node(group) is not None:
-            places.count_node(group).integer = count
+        places.keep_count(group, count)
         arrange(group)
         for name in OLD_PROPERTIES:
             group.pop(name, None)

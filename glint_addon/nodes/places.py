@@ -87,25 +87,8 @@ def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> P
     """
     footprint = _add_group(group, FOOTPRINT, FOOTPRINT_NODE, {
         "Coordinates": sockets["Coordinates"], "Samples": lights.outputs["Samples"]}).outputs
-    known, is_lit = {"Strength": sockets["Strength"]}, 0.0
-    for number in range(1, LIGHT_COUNT + 1):
-        light = _add_group(group, HALF_VECTOR, f"Half Vector {number}", {
-            "Light": lights.outputs[f"Light {number}"], "Shape": lights.outputs[f"Shape {number}"],
-            "Roughness": sockets["Roughness"], "Tangent": frame[0], "Bitangent": frame[1]}).outputs
-        known |= {f"{name} {number}": light[name] for name in _OF_A_LIGHT}
-        is_lit = add_math(group, "MAXIMUM", light["Is On"], is_lit)
-
-    count = add_node(group, "FunctionNodeInputInt", COUNT_NODE, integer=DEFAULT_COUNT)
-    bounds = add_node(group, "ShaderNodeClamp", inputs={"Min": 1.0, "Max": LARGEST_COUNT})
-    group.links.new(count.outputs["Integer"], bounds.inputs["Value"])
-    count = bounds.outputs["Result"]
-    start = add_node(group, "GeometryNodeRepeatInput", "Each Place")
-    group.links.new(count, start.inputs["Iterations"])
-    end = add_node(group, "GeometryNodeRepeatOutput", "Kept")
-    start.pair_with_output(end)
-    end.repeat_items.clear()
-    end.repeat_items.new("FLOAT", "Sum")
-    end.repeat_items.new("VECTOR", "Normal")
+    known, is_lit = _add_lights(group, frame, lights, sockets)
+    count, start, end = _add_repeat_zone(group)
     place = _add_group(group, PLACE, "Place", {
         "Number": start.outputs["Iteration"], "Count": count, "Coordinates": sockets["Coordinates"],
         "Sum": start.outputs["Sum"], "Along": footprint["Along"], "Across": footprint["Across"]}).outputs["Place"]
@@ -132,12 +115,52 @@ def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> P
     )
 
 
+def _add_lights(group, frame, lights, sockets):
+    """What the importance knows of the surface and the lights, as inputs of its group; and whether any light is on."""
+    known, is_lit = {"Strength": sockets["Strength"]}, 0.0
+    for number in range(1, LIGHT_COUNT + 1):
+        light = _add_group(group, HALF_VECTOR, f"Half Vector {number}", {
+            "Light": lights.outputs[f"Light {number}"], "Shape": lights.outputs[f"Shape {number}"],
+            "Roughness": sockets["Roughness"], "Tangent": frame[0], "Bitangent": frame[1]}).outputs
+        known |= {f"{name} {number}": light[name] for name in _OF_A_LIGHT}
+        is_lit = add_math(group, "MAXIMUM", light["Is On"], is_lit)
+    return known, is_lit
+
+
+def _add_repeat_zone(group):
+    """The number of places, and both ends of a zone that goes on so often with a sum and a normal."""
+    count = add_node(group, "FunctionNodeInputInt", COUNT_NODE, integer=DEFAULT_COUNT)
+    bounds = add_node(group, "ShaderNodeClamp", inputs={"Min": 1.0, "Max": LARGEST_COUNT})
+    group.links.new(count.outputs["Integer"], bounds.inputs["Value"])
+    start = add_node(group, "GeometryNodeRepeatInput", "Each Place")
+    group.links.new(bounds.outputs["Result"], start.inputs["Iterations"])
+    end = add_node(group, "GeometryNodeRepeatOutput", "Kept")
+    start.pair_with_output(end)
+    end.repeat_items.clear()
+    end.repeat_items.new("FLOAT", "Sum")
+    end.repeat_items.new("VECTOR", "Normal")
+    return bounds.outputs["Result"], start, end
+
+
 def count_node(group) -> bpy.types.Node | None:
     """The node whose property `integer` is how many places a sample of a Glint BSDF group looks at; None without any.
 
     1 to LARGEST_COUNT count as they are, others as the next of these.
     """
     return group.nodes.get(COUNT_NODE)
+
+
+def keep_count(group, count: int | None):
+    """Let a Glint BSDF group, if it has places, look at `count` of them, or as many as it does if that is None."""
+    node = count_node(group)
+    if node is not None and count is not None:
+        node.integer = count
+
+
+def count_of(group) -> int | None:
+    """How many places a Glint BSDF group looks at; None if it has none."""
+    node = count_node(group)
+    return node.integer if node is not None else None
 
 
 def follow_size(group, size):
@@ -195,14 +218,7 @@ def _footprint(group, given):
     texels = add_math(group, "MAXIMUM", size.outputs["X"], size.outputs["Y"])
     # The height of one texel over the footprint's radius, so that slopes are neither rounded off nor too steep.
     height = add_math(group, "MULTIPLY", _pixels_radius(group, given), texels)
-    coordinates = add_node(group, "ShaderNodeSeparateXYZ")
-    group.links.new(given["Coordinates"], coordinates.inputs[0])
-    tilted = []
-    for coordinate in (coordinates.outputs["X"], coordinates.outputs["Y"]):
-        bump = add_node(group, "ShaderNodeBump", inputs={"Strength": 1.0})
-        group.links.new(height, bump.inputs["Distance"])
-        group.links.new(coordinate, bump.inputs["Height"])
-        tilted.append(bump.outputs["Normal"])
+    tilted = _tilted(group, given["Coordinates"], height)
     # The gradient is -(tilted / (tilted . n) - n).
     facing, *upright = (add_math(group, "DOT_PRODUCT", each, normal, vector=True) for each in (view, *tilted))
 
@@ -217,13 +233,8 @@ def _footprint(group, given):
         group, "DIVIDE", add_math(group, "MULTIPLY", unit, WIDEST**2), area)), 1.0)
     scales = (add_math(group, "DIVIDE", share, add_math(group, "MULTIPLY", each, texels)) for each in upright)
 
-    # Two axes across the view, turned at random from sample to sample. Laid along the view onto the surface, each
-    # gradient loses its part there.
-    noise = add_node(group, "ShaderNodeTexWhiteNoise", "Turn", noise_dimensions="3D")
-    group.links.new(geometry["Position"], noise.inputs["Vector"])
-    random = add_math(group, "SUBTRACT", noise.outputs["Color"], (0.5, 0.5, 0.5), vector=True)
-    first = add_math(group, "NORMALIZE", add_math(group, "CROSS_PRODUCT", view, random, vector=True), vector=True)
-    second = add_math(group, "CROSS_PRODUCT", view, first, vector=True)
+    # Laid along the view onto the surface, each gradient loses its part there.
+    axes = _turned_axes(group, geometry["Position"], view)
     changes = []
     for each, scale in zip(tilted, scales, strict=True):
         part = add_math(group, "DIVIDE", add_math(group, "DOT_PRODUCT", each, view, vector=True), facing)
@@ -232,8 +243,30 @@ def _footprint(group, given):
         changes.append(add_math(group, "SCALE", across, scale, vector=True))
     along, across = (
         _combined(group, *(add_math(group, "DOT_PRODUCT", change, axis, vector=True) for change in changes), 0.0)
-        for axis in (first, second))
+        for axis in axes)
     return {"Along": along, "Across": across, "Is Wide": is_wide}
+
+
+def _tilted(group, coordinates, height):
+    """Normals tilted by Bump nodes of that distance for both of the coordinates."""
+    parts = add_node(group, "ShaderNodeSeparateXYZ")
+    group.links.new(coordinates, parts.inputs[0])
+    tilted = []
+    for coordinate in (parts.outputs["X"], parts.outputs["Y"]):
+        bump = add_node(group, "ShaderNodeBump", inputs={"Strength": 1.0})
+        group.links.new(height, bump.inputs["Distance"])
+        group.links.new(coordinate, bump.inputs["Height"])
+        tilted.append(bump.outputs["Normal"])
+    return tilted
+
+
+def _turned_axes(group, position, view):
+    """Two axes across the view, turned at random from sample to sample."""
+    noise = add_node(group, "ShaderNodeTexWhiteNoise", "Turn", noise_dimensions="3D")
+    group.links.new(position, noise.inputs["Vector"])
+    random = add_math(group, "SUBTRACT", noise.outputs["Color"], (0.5, 0.5, 0.5), vector=True)
+    first = add_math(group, "NORMALIZE", add_math(group, "CROSS_PRODUCT", view, random, vector=True), vector=True)
+    return first, add_math(group, "CROSS_PRODUCT", view, first, vector=True)
 
 
 def _pixels_radius(group, given):

@@ -5,6 +5,7 @@ import bpy
 from ..nodes.builder import COLUMN_WIDTH
 from ..nodes.glint_bsdf import VECTOR, group_binding, is_glint_group
 from ..nodes.map_binding import MapBinding, map_of
+from ..nodes.places import count_of, keep_count
 from .failing_softly import FailsSoftly
 from .map_settings import MapSettings, check_uv_map
 
@@ -49,6 +50,8 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
         # The frames of an image sequence stay as they were set.
         group = bound_group(normal_map, MapBinding(**self.reading(), frames=_frames(material, normal_map)))
         for node in glint_nodes(material):
+            if group.users == 0:
+                keep_count(group, count_of(node.node_tree))  # else it looks at as many as others set there
             left, node.node_tree = node.node_tree, group
             follow_uv_map(node, self.uv_map)
             if left.users == 0:

@@ -10,7 +10,9 @@ from glint_addon.materials.find import glint_groups, is_glint_material
 from glint_addon.nodes import GROUPS
 from glint_addon.nodes.glint_bsdf import group_binding, is_glint_group
 from glint_addon.nodes.map_binding import map_of
-from tests.helpers import cycles
+from glint_addon.nodes.map_choices import IMAGE_NODE
+from glint_addon.nodes.places import DEFAULT_COUNT, count_node, count_of
+from tests.helpers import cycles, map_sets
 from tests.helpers.extension import data_names, shader_editor, write_flake_map
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -168,6 +170,26 @@ def test_the_map_of_a_material_can_be_changed_and_read_another_way(plane, flake_
     assert coordinates.uv_map == "Second"
     # The group of the first map has no user any more.
     assert [map_of(each) for each in bpy.data.node_groups if is_glint_group(each)] == [map_of(group)]
+
+
+def test_another_map_keeps_the_number_of_places_unless_others_read_it(plane, flake_map, tmp_path):
+    bpy.ops.glint.add_material(filepath=str(flake_map))
+    count_node(glint_groups(plane.active_material)[0]).integer = 24
+    other = write_flake_map(tmp_path / "other.png")
+    bpy.ops.glint.change_map(filepath=str(other))
+    assert count_of(glint_groups(plane.active_material)[0]) == 24
+    glint_addon.create_glint_material("Another", flake_map)
+    bpy.ops.glint.change_map(filepath=str(flake_map))
+    assert count_of(glint_groups(plane.active_material)[0]) == DEFAULT_COUNT
+
+
+def test_another_reading_of_a_sequence_keeps_its_frames(plane, tmp_path):
+    image = map_sets.sequence(tmp_path)
+    bpy.ops.glint.add_material(image=image.name)
+    glint_groups(plane.active_material)[0].nodes[IMAGE_NODE].image_user.frame_start = 7
+    bpy.ops.glint.change_map(image=image.name, interpolation="CLOSEST")
+    group = glint_groups(plane.active_material)[0]
+    assert group_binding(group).interpolation == "CLOSEST" and group_binding(group).frames.frame_start == 7
 
 
 def test_a_glint_node_added_from_the_menu_gets_its_map(plane, flake_map):
