@@ -5,10 +5,10 @@ lights that are looked for would show of it. With S the sum of q over M places, 
 
     f = S / (M (q + FLOOR)) * microfacet(kept)  +  FLOOR / (q(own) + FLOOR) * microfacet(own)
 
-The expectation is that of the own normal alone, Blender's plain nodes, for any importance, footprint and lights; FLOOR
-bounds the weights, so that lights that nobody looks for make no fireflies. Talbot, Cline, Egbert: Importance Resampling
-for Global Illumination, EGSR 2005; the running choice is that of Bitterli et al.: Spatiotemporal Reservoir Resampling
-for Real-Time Ray Tracing with Dynamic Direct Lighting, SIGGRAPH 2020.
+The expectation is that of the own normal alone, Blender's plain nodes, averaged over the footprint, for any importance
+and lights; FLOOR bounds the weights, so that lights that nobody looks for make no fireflies. Talbot, Cline, Egbert:
+Importance Resampling for Global Illumination, EGSR 2005; the running choice is that of Bitterli et al.: Spatiotemporal
+Reservoir Resampling for Real-Time Ray Tracing with Dynamic Direct Lighting, SIGGRAPH 2020.
 
 The formulas that no user need look at are in hidden groups, which all Glint BSDF groups share.
 """
