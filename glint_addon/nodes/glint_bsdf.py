@@ -33,7 +33,7 @@ from .map_tables import SCRIPT_NODE, forget_table
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
-VERSION = 11
+VERSION = 12
 LIGHTS_NODE = "Lights"
 CAUSTICS_NODE = "Caustics"
 UV_NODE = "UV Map"

@@ -21,12 +21,12 @@ import bpy
 
 from .builder import Socket, add_math, add_mix, add_node, add_sockets, arrange, feed, local_group, new_group
 from .driven import Driven, Variable, write_number
+from .scene_lights import HINT_COUNT
 
 # Of the hidden groups, and part of their names: groups of an older version keep theirs until they are brought up to
 # date, and Blender drops what nobody uses when it saves the file.
-VERSION = 1
+VERSION = 2
 DEFAULT_COUNT, LARGEST_COUNT = 16, 64  # places of a sample
-LIGHT_COUNT = 3  # lights that the importance knows, the first of "Glint Lights": each makes every place slower
 # Importance below which a normal is left to the plain part of the sum: higher, and that part's noise shows; lower, and
 # the weight of a rare normal grows: decision 59.
 FLOOR = 0.05
@@ -43,8 +43,8 @@ FOOTPRINT_SCALE, FOOTPRINT_EXPONENT = 1.1, 0.21
 NARROWEST, WIDEST = 1.0, 32.0
 GOLDEN_ANGLE = 2.3999632  # radians: successive places of a sunflower
 
-HIDDEN = FOOTPRINT, PLACE, HALF_VECTOR, IMPORTANCE = tuple(
-    f".Glint {name} {VERSION}" for name in ("Footprint", "Place", "Half Vector", "Importance"))
+HIDDEN = FOOTPRINT, PLACE, HALF_VECTOR, HALF_VECTORS, IMPORTANCE = tuple(
+    f".Glint {name} {VERSION}" for name in ("Footprint", "Place", "Half Vector", "Half Vectors", "Importance"))
 # Number of places, which a user may change, and nodes that follow the map.
 COUNT_NODE, FOOTPRINT_NODE = "Places", "Footprint"
 IMPORTANCE_NODES = ("Importance", "Kept Importance", "Own Importance")
@@ -87,7 +87,9 @@ def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> P
     """
     footprint = _add_group(group, FOOTPRINT, FOOTPRINT_NODE, {
         "Coordinates": sockets["Coordinates"], "Samples": lights.outputs["Samples"]}).outputs
-    known, is_lit = _add_lights(group, frame, lights, sockets)
+    known = _add_group(group, HALF_VECTORS, "Half Vectors", {
+        **{name: lights.outputs[name] for number in _NUMBERS for name in (f"Light {number}", f"Shape {number}")},
+        "Roughness": sockets["Roughness"], "Tangent": frame[0], "Bitangent": frame[1]}).outputs
     count, start, end = _add_repeat_zone(group)
     place = _add_group(group, PLACE, "Place", {
         "Number": start.outputs["Iteration"], "Count": count, "Coordinates": sockets["Coordinates"],
@@ -96,7 +98,10 @@ def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> P
     colour = texture.outputs["Color"]
     kept = end.outputs["Normal"]
     importance, of_kept, of_own = (
-        _add_group(group, IMPORTANCE, label, {"Color": source, **known}).outputs["Importance"]
+        _add_group(group, IMPORTANCE, label, {
+            "Color": source, "Strength": sockets["Strength"],
+            **{f"{name} {number}": known[f"{name} {number}"] for number in _NUMBERS for name in _OF_A_LIGHT},
+        }).outputs["Importance"]
         for label, source in zip(IMPORTANCE_NODES, (colour, kept, own), strict=True))
     total = add_math(group, "ADD", start.outputs["Sum"], importance)
     # A fresh number for each place of each sample: no two look at the same coordinates.
@@ -111,20 +116,8 @@ def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> P
         kept,
         add_math(group, "DIVIDE", mean, add_math(group, "ADD", of_kept, FLOOR)),
         add_math(group, "DIVIDE", FLOOR, add_math(group, "ADD", of_own, FLOOR)),
-        add_math(group, "MULTIPLY", is_lit, footprint["Is Wide"]),
+        add_math(group, "MULTIPLY", known["Is Lit"], footprint["Is Wide"]),
     )
-
-
-def _add_lights(group, frame, lights, sockets):
-    """What the importance knows of the surface and the lights, as inputs of its group; and whether any light is on."""
-    known, is_lit = {"Strength": sockets["Strength"]}, 0.0
-    for number in range(1, LIGHT_COUNT + 1):
-        light = _add_group(group, HALF_VECTOR, f"Half Vector {number}", {
-            "Light": lights.outputs[f"Light {number}"], "Shape": lights.outputs[f"Shape {number}"],
-            "Roughness": sockets["Roughness"], "Tangent": frame[0], "Bitangent": frame[1]}).outputs
-        known |= {f"{name} {number}": light[name] for name in _OF_A_LIGHT}
-        is_lit = add_math(group, "MAXIMUM", light["Is On"], is_lit)
-    return known, is_lit
 
 
 def _add_repeat_zone(group):
@@ -201,6 +194,7 @@ def _vector(name, default=(0.0, 0.0, 0.0)):
     return Socket(name, "NodeSocketVector", default=default)
 
 
+_NUMBERS = range(1, HINT_COUNT + 1)  # of the lights that the importance knows, all of them: decision 62
 # What the importance knows of a light: tangent-space vectors across and in the plane of incidence, whose dot products
 # with a normal are its distances from the half vector in widths of what the light shows; and whether there is a light.
 _OF_A_LIGHT = ("Outwards", "Inwards", "Is On")
@@ -329,6 +323,18 @@ def _half_vector(group, given):
     return dict(zip(_OF_A_LIGHT, (*forms, is_on), strict=True))
 
 
+def _half_vectors(group, given):
+    """What the importance knows of each light, and whether any light is on."""
+    shared = {name: given[name] for name in ("Roughness", "Tangent", "Bitangent")}
+    results, is_lit = {}, 0.0
+    for number in _NUMBERS:
+        light = _add_group(group, HALF_VECTOR, f"Half Vector {number}", {
+            "Light": given[f"Light {number}"], "Shape": given[f"Shape {number}"], **shared}).outputs
+        results |= {f"{name} {number}": light[name] for name in _OF_A_LIGHT}
+        is_lit = add_math(group, "MAXIMUM", light["Is On"], is_lit)
+    return {**results, "Is Lit": is_lit}
+
+
 def _importance(group, given):
     """Importance 0..1 of a normal, encoded as a colour, for each light: their sum."""
     # As the Normal Map node has it: n = strength (2 c - 1) + (1 - strength) z.
@@ -337,7 +343,7 @@ def _importance(group, given):
     offset = _combined(group, minus, minus, add_math(group, "SUBTRACT", 1.0, twice))
     normal = add_math(group, "MULTIPLY_ADD", given["Color"], _combined(group, twice, twice, twice), offset, vector=True)
     total = 0.0
-    for number in range(1, LIGHT_COUNT + 1):
+    for number in _NUMBERS:
         x, y = (add_math(group, "DOT_PRODUCT", normal, given[f"{name} {number}"], vector=True)
                 for name in _OF_A_LIGHT[:2])
         square = add_math(group, "MULTIPLY_ADD", x, x, add_math(group, "MULTIPLY", y, y))
@@ -350,6 +356,9 @@ def _importance(group, given):
     return {"Importance": total}
 
 
+_KNOWN = tuple(
+    socket for number in _NUMBERS
+    for socket in (_vector(f"Outwards {number}"), _vector(f"Inwards {number}"), _number(f"Is On {number}")))
 _FORMULAS = {
     FOOTPRINT: ((_vector("Along"), _vector("Across"), _number("Is Wide")),
                 (_vector("Coordinates"), _vector("Size", (1.0, 1.0, 0.0)), _number("Samples", 1.0)), _footprint),
@@ -359,11 +368,11 @@ _FORMULAS = {
     HALF_VECTOR: ((_vector("Outwards"), _vector("Inwards"), _number("Is On")),
                   (_vector("Light"), _vector("Shape"), _number("Roughness"), _vector("Tangent"), _vector("Bitangent")),
                   _half_vector),
-    IMPORTANCE: ((_number("Importance"),),
-                 (_vector("Color"), _number("Strength", 1.0), _number("GGX"),
-                  *(socket for number in range(1, LIGHT_COUNT + 1)
-                    for socket in (_vector(f"Outwards {number}"), _vector(f"Inwards {number}"),
-                                   _number(f"Is On {number}")))), _importance),
+    HALF_VECTORS: ((*_KNOWN, _number("Is Lit")),
+                   (*(_vector(f"{name} {number}") for number in _NUMBERS for name in ("Light", "Shape")),
+                    _number("Roughness"), _vector("Tangent"), _vector("Bitangent")), _half_vectors),
+    IMPORTANCE: ((_number("Importance"),), (_vector("Color"), _number("Strength", 1.0), _number("GGX"), *_KNOWN),
+                 _importance),
 }
 
 

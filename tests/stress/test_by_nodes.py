@@ -11,7 +11,7 @@ from demo_scenes import maps
 from tests.helpers import cycles
 from tests.helpers.stress import compare
 from tests.helpers.stress_marks import stress
-from tests.helpers.stress_stage import add_lamp, add_square, sunny_square
+from tests.helpers.stress_stage import add_lamp, add_square
 from tests.stress import test_cameras as cameras
 from tests.stress import test_geometry as geometry
 from tests.stress import test_lights as lights
@@ -133,14 +133,19 @@ def test_grazing_view(stress_record, angle):
 
 @pytest.mark.parametrize("count", [1, 8, 100])
 def test_number_of_lights(stress_record, count):
+    compared(stress_record, lights.under(*suns(count)))
+
+
+def suns(count):
+    """So many suns around one direction, which together are as bright as one."""
     turns = [2 * math.pi * k / count for k in range(count)]
-    suns = [lights.lamp("SUN", (1.5 * math.sin(turn), 3 + math.cos(turn), 3), power=1 / count, angle=lights.SUN_ANGLE)
+    return [lights.lamp("SUN", (1.5 * math.sin(turn), 3 + math.cos(turn), 3), power=1 / count, angle=lights.SUN_ANGLE)
             for turn in turns]
-    compared(stress_record, lights.under(*suns))
 
 
-def test_two_lobes_of_one_material(stress_record):
-    """Both in one node stack of Cycles."""
+@pytest.mark.parametrize("count", [1, 8])
+def test_two_lobes_of_one_material(stress_record, count):
+    """Both, with all their lights, in one node stack of Cycles."""
     def build(scene, material):
         tree = material.node_tree
         output = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial")
@@ -158,6 +163,6 @@ def test_two_lobes_of_one_material(stress_record):
             for name in ("Color", "Roughness", "Strength"):
                 second.inputs[name].default_value = surface.inputs[name].default_value
         tree.links.new(add.outputs[0], output.inputs["Surface"])
-        sunny_square(scene, material)
+        lights.under(*suns(count))(scene, material)
 
     compared(stress_record, build)
