@@ -1,6 +1,6 @@
 """`python -m benchmarks.light_size`: a sun from a tenth of a degree to thirty on the stage of light_scene.py.
 
-A light that is wide against the lobe lets more of the map shine: more elements to merge into the same closures for the
+A light that is wide against the lobe lets more of the map shine: more elements to draw the same closures from for the
 lobe, less noise for Blender's nodes. Errors, cost and closures by the sun's angle, full across.
 """
 

@@ -726,15 +726,14 @@ int peak_cell(Cells cells[8], int k, Grid grid, Masses m)
              largest : -1;
 }
 
-/* Sum of the closures of all cells and of the remainder. parts: of a peak along each side (peak_parts); (u, v): the
- * hit's texel coordinates; random: uniform numbers of this sample. */
-closure color counts_closures(string distribution, float alpha, output Map map, Level level, HalfVector hints[8],
-                              int hint_count, int parts, Cells cells[8], Footprint footprint, float u, float v,
-                              vector random, closure color remainder, output int visited, output int closures)
+/* Select the cells around each half vector, as many elements each as its counts say. parts: of a peak along each side
+ * (peak_parts); (u, v): the hit's texel coordinates; random: uniform numbers of this sample. */
+void counts_query(float alpha, output Map map, Level level, HalfVector hints[8], int hint_count, int parts,
+                  Cells cells[8], Footprint footprint, float u, float v, vector random, output Selection s,
+                  output int visited)
 {
   Blocks blocks = blocks_under(level, footprint, u, v);
   Groups groups = drawn_groups(blocks, level, footprint, random);
-  closure color sum = remainder;
   for (int k = 0; k < hint_count; ++k) {
     HalfVector hint = hints[k];
     /* Find the slope around the half vector per bin. */
@@ -774,32 +773,26 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
       for (int c = 0; c < grid.columns * grid.rows; ++c) {
         float w = sharpened[c] / (groups.total * blocks.side_u * blocks.side_v);
         if (w > 0.0 && c != peak && (pass > 0 || cell_is_selected(cells, k, c % grid.columns, c / grid.columns))) {
-          w = roulette(w, random[0], random[1], (2 * k + pass) * MOST_CELLS + c);
-          if (w > 0.0) {
-            float x = m.first1[c] / m.mass[c];
-            float y = m.first2[c] / m.mass[c];
-            float xx = m.square1[c] / m.mass[c] - x * x;
-            float yy = m.square2[c] / m.mass[c] - y * y;
-            SlopeMoments slopes;
-            slopes.p1 = p11 * x + p12 * y;
-            slopes.p2 = p21 * x + p22 * y;
-            slopes.c11 = p11 * p11 * xx + p12 * p12 * yy + m.spread_u * hint.turn_u1 * hint.turn_u1 +
-                         m.spread_v * hint.turn_v1 * hint.turn_v1;
-            slopes.c12 = p11 * p21 * xx + p12 * p22 * yy + m.spread_u * hint.turn_u1 * hint.turn_u2 +
-                         m.spread_v * hint.turn_v1 * hint.turn_v2;
-            slopes.c22 = p21 * p21 * xx + p22 * p22 * yy + m.spread_u * hint.turn_u2 * hint.turn_u2 +
-                         m.spread_v * hint.turn_v2 * hint.turn_v2;
-            /* Move the lobes of wide bins at random, or the gaps between them would lie at the same slopes in all
-             * samples. */
-            float jitter1 = grid.stride1 == 1 && width1 > CELL_NARROW ? random[0] - 0.5 : 0.0;
-            float jitter2 = grid.stride2 == 1 && width2 > CELL_NARROW ? random[1] - 0.5 : 0.0;
-            slopes.p1 += p11 * jitter1 + p12 * jitter2;
-            slopes.p2 += p21 * jitter1 + p22 * jitter2;
-            /* Add in this order: Cycles flattens sum + x only 16 deep and drops the rest. */
-            w *= merged_reflection(hint, alpha, slopes);
-            sum = w * glint_closure(distribution, hint, alpha, slopes) + sum;
-            closures += 1;
-          }
+          float x = m.first1[c] / m.mass[c];
+          float y = m.first2[c] / m.mass[c];
+          float xx = m.square1[c] / m.mass[c] - x * x;
+          float yy = m.square2[c] / m.mass[c] - y * y;
+          SlopeMoments slopes;
+          slopes.p1 = p11 * x + p12 * y;
+          slopes.p2 = p21 * x + p22 * y;
+          slopes.c11 = p11 * p11 * xx + p12 * p12 * yy + m.spread_u * hint.turn_u1 * hint.turn_u1 +
+                       m.spread_v * hint.turn_v1 * hint.turn_v1;
+          slopes.c12 = p11 * p21 * xx + p12 * p22 * yy + m.spread_u * hint.turn_u1 * hint.turn_u2 +
+                       m.spread_v * hint.turn_v1 * hint.turn_v2;
+          slopes.c22 = p21 * p21 * xx + p22 * p22 * yy + m.spread_u * hint.turn_u2 * hint.turn_u2 +
+                       m.spread_v * hint.turn_v2 * hint.turn_v2;
+          /* Move the lobes of wide bins at random, or the gaps between them would lie at the same slopes in all
+           * samples. */
+          float jitter1 = grid.stride1 == 1 && width1 > CELL_NARROW ? random[0] - 0.5 : 0.0;
+          float jitter2 = grid.stride2 == 1 && width2 > CELL_NARROW ? random[1] - 0.5 : 0.0;
+          slopes.p1 += p11 * jitter1 + p12 * jitter2;
+          slopes.p2 += p21 * jitter1 + p22 * jitter2;
+          select_element(s, hints, k, w, slopes);
         }
       }
       if (peak >= 0) {
@@ -815,5 +808,4 @@ closure color counts_closures(string distribution, float alpha, output Map map, 
       }
     }
   }
-  return sum;
 }

@@ -11,8 +11,8 @@
 /* Largest radius of a region (slope): a wider lobe shows no glints, because it blurs them. */
 #define LARGEST_REGION 0.8
 /* Largest radius of a region, relative to the cosine of view and half vector, and to the sine of the light's height
- * above the surface. Near either horizon the lobe changes across the region faster than merged elements can follow, and
- * Cycles bends normals that reflect below the surface, so light is lost: decision 36. */
+ * above the surface. Near either horizon the lobe changes across the region faster than the cells of counts can follow,
+ * and Cycles bends normals that reflect below the surface, so light is lost: decision 36. */
 #define LARGEST_OF_VIEW 1.0
 #define LARGEST_OF_LIGHT 2.0
 /* Largest turn (slope) over half a texel: on UVs squeezed nearly to a line, a turn is a difference of large numbers,

@@ -55,28 +55,20 @@ closure color patch_closure(string distribution, float alpha, Patch patch, Hit h
 
 /* Sum of the closures of a selection and of the remainder. total: the sum to which the selection's weights are
  * relative. */
-closure color selection_closures(string distribution, float alpha, HalfVector hints[8], int hint_count, Selection s,
-                                 float total, float seed_1, float seed_2, closure color remainder, output int closures)
+closure color selection_closures(string distribution, float alpha, HalfVector hints[8], Selection s, float total,
+                                 float seed_1, float seed_2, closure color remainder, output int closures)
 {
   closure color sum = remainder;
-  int slots = s.merged ? s.cells * hint_count : s.count;
-  for (int k = 0; k < slots; ++k) {
-    float weight = s.merged ? s.cell_weight[k] : s.weight[k];
-    float w = total > 0.0 ? weight / total : 0.0;
-    w = w > 0.0 ? roulette(w, seed_1, seed_2, k) : 0.0;
+  for (int k = 0; k < min(s.count, s.limit); ++k) {
+    float w = total > 0.0 ? roulette(s.weight[k] * s.sum[k] / (s.importance[k] * total), seed_1, seed_2, k) : 0.0;
     if (w > 0.0) {
-      int hint = s.merged ? k / s.cells : s.hint[k];
+      HalfVector hint = hints[s.hint[k]];
       SlopeMoments m = { s.p1[k], s.p2[k], s.c11[k], s.c12[k], s.c22[k] };
-      if (s.merged) {
-        m.p1 = s.cell_p1[k] / weight;
-        m.p2 = s.cell_p2[k] / weight;
-        m.c11 = max(s.cell_c11[k] / weight - m.p1 * m.p1, 0.0);
-        m.c12 = s.cell_c12[k] / weight - m.p1 * m.p2;
-        m.c22 = max(s.cell_c22[k] / weight - m.p2 * m.p2, 0.0);
-        w *= merged_reflection(hints[hint], alpha, m);
+      if (s.is_merged) {
+        w *= merged_reflection(hint, alpha, m);
       }
       /* Add in this order: Cycles flattens sum + x only 16 deep and drops the rest. */
-      sum = w * glint_closure(distribution, hints[hint], alpha, m) + sum;
+      sum = w * glint_closure(distribution, hint, alpha, m) + sum;
       closures += 1;
     }
   }
@@ -99,12 +91,12 @@ float footprint_scale(HalfVector hints[8], int hint_count, float area, float sam
 }
 
 /* The lobe for colour 1. plain: the closure of the normal at the hit point, which is returned alone where no hinted
- * light can show a glint. lobes: number of lobes that share the closures of a shading point. lights, shapes: see
- * light_hint.h; low, high: slope bounds of the map, equal if unknown. diffuse_distance: to the diffuse bounce before
- * this point, 0 if there was none. left: why `plain` is returned (counters.h); hint_count: number of hints that some
- * element of the map can reach here. */
-closure color glint_lobe(string distribution, float alpha, int lobes, output Map map, vector low, vector high,
-                         NormalFrame frame, Hit hit, vector lights[8], vector shapes[8], float samples,
+ * light can show a glint. lobes: number of lobes that share the closures of a shading point; closure_count: most of one
+ * lobe, besides the remainder. lights, shapes: see light_hint.h; low, high: slope bounds of the map, equal if unknown.
+ * diffuse_distance: to the diffuse bounce before this point, 0 if there was none. left: why `plain` is returned
+ * (counters.h); hint_count: number of hints that some element of the map can reach here. */
+closure color glint_lobe(string distribution, float alpha, int lobes, int closure_count, output Map map,
+                         vector low, vector high, NormalFrame frame, Hit hit, vector lights[8], vector shapes[8], float samples,
                          float diffuse_distance, float du_dx, float du_dy, float dv_dx, float dv_dy,
                          closure color plain, output color counters, output int left, output int hint_count)
 {
@@ -216,27 +208,22 @@ closure color glint_lobe(string distribution, float alpha, int lobes, output Map
   }
 
   int visited = 0;
-  closure color sum = 0;
+  float total = 1.0;
+  Selection s = new_selection(closure_count, lobes, distribution == "ggx", alpha, random[2]);
+  s.is_merged = mode == MODE_COUNTS;
   if (mode == MODE_COUNTS) {
-    sum = counts_closures(distribution, alpha, map, level, hints, hint_count, peak_parts(hint_count * lobes), cells,
-                          footprint, hit.u, hit.v, random, remainder, visited, closures);
+    counts_query(alpha, map, level, hints, hint_count, peak_parts(hint_count * lobes), cells, footprint, hit.u, hit.v,
+                 random, s, visited);
+  }
+  else if (mode == MODE_INDEX) {
+    total = index_query(map, hints, hint_count, alpha, footprint, hit.u, hit.v, s, visited);
   }
   else {
-    Selection s;
-    s.count = 0;
-    s.merged = 0;
-    s.limit = closure_limit(lobes);
-    s.cells = hint_cells(hint_count * lobes);
-    s.alpha = alpha;
-    float off = CELLS_OFF * sqrt(random[1]);
-    s.middle_1 = off * cos(M_2PI * random[2]);
-    s.middle_2 = off * sin(M_2PI * random[2]);
-    float total = mode == MODE_INDEX ?
-        index_query(map, hints, hint_count, alpha, footprint, hit.u, hit.v, s, visited) :
-        glint_query(map, hints, hint_count, alpha, footprint, mode, map.is_linear && samples > 1.0 ? SURE_WEIGHT : 0.0,
-                    hit.u, hit.v, random[0], random[1], s, visited);
-    sum = selection_closures(distribution, alpha, hints, hint_count, s, total, hit.u, hit.v, remainder, closures);
+    total = glint_query(map, hints, hint_count, alpha, footprint, mode,
+                        map.is_linear && samples > 1.0 ? SURE_WEIGHT : 0.0, hit.u, hit.v, random[0], random[1], s,
+                        visited);
   }
+  closure color sum = selection_closures(distribution, alpha, hints, s, total, hit.u, hit.v, remainder, closures);
   counters = color(visited, closures, mode);
   return sum;
 }

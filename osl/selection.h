@@ -1,9 +1,22 @@
-/* The selected elements: kept one by one while their closures fit the budget, else merged by moments. */
+/* The selected elements, of which a few are drawn: each stands for others, and no light is lost.
+ *
+ * Elements are shared out in turn among reservoirs, and each reservoir keeps one of its own with odds of its importance:
+ * about what the element shows of the hinted light. With S the sum of a reservoir's importances, the element that it
+ * keeps has the weight w S / importance. The expectation is the sum of all elements under any light; where no more
+ * elements are selected than there are reservoirs, each is kept as it is. Chao: A General Purpose Unequal Probability
+ * Sampling Plan, Biometrika 1982. */
 
-/* Cycles keeps 64 closures of a shading point and drops all others without a word. Of these 4 are left for the
- * remainder and for other shaders that a Mix Shader adds. */
-#define CLOSURE_BUDGET 60
+/* Cycles keeps 64 closures of a shading point and drops all others without a word. */
 #define LARGEST_CLOSURES 64
+/* Most reservoirs, which leaves room for the remainder, and for other shaders that a Mix Shader adds: decision 63. */
+#define CLOSURE_BUDGET 24
+/* Importance, relative to that of an element in the middle of a region, below which none falls: it bounds the weight of
+ * elements that other lights than the hinted ones show. */
+#define LEAST_IMPORTANCE 0.02
+/* Successive multiples modulo 1 are spread evenly: one for the odds of each reservoir. */
+#define GOLDEN_RATIO 0.6180339887
+/* Least squared width of a closure, in alpha^2: cells of counts.h may have a negative covariance. */
+#define LEAST_SHARE 0.5
 /* Cycles drops closures whose weight is below 1e-5, so Russian roulette keeps some of the lighter ones at this
  * weight. */
 #define LEAST_WEIGHT 2e-5
@@ -19,13 +32,17 @@ float roulette(float w, float seed_1, float seed_2, int k)
 }
 
 struct Selection {
-  int count;       /* elements kept one by one; meaningless once merged */
-  int limit;       /* most elements that are kept one by one */
-  int merged;      /* whether elements are merged into cells */
-  int cells;       /* merged cells of each hint, see hint_cells */
-  float alpha;     /* of a facet */
-  float middle_1;  /* middle of the cells in a wide region of radius 1, see cells_off */
-  float middle_2;
+  int count;     /* elements so far */
+  int limit;     /* reservoirs */
+  int is_merged; /* whether an element stands for many already: see merged_reflection */
+  int is_ggx;
+  float alpha;   /* of a facet */
+  float random;  /* uniform number of this sample */
+  /* Of each reservoir: the sum of importances, a number in 0..1 that says whether the next element replaces the one
+   * that is kept, and that element. */
+  float sum[CLOSURE_BUDGET];
+  float odds[CLOSURE_BUDGET];
+  float importance[CLOSURE_BUDGET];
   float weight[CLOSURE_BUDGET];
   float p1[CLOSURE_BUDGET];
   float p2[CLOSURE_BUDGET];
@@ -33,113 +50,66 @@ struct Selection {
   float c12[CLOSURE_BUDGET];
   float c22[CLOSURE_BUDGET];
   int hint[CLOSURE_BUDGET];
-  /* Sums over the elements of a cell of weight, weight * p, and weight * (p p^T + covariance). */
-  float cell_weight[CLOSURE_BUDGET];
-  float cell_p1[CLOSURE_BUDGET];
-  float cell_p2[CLOSURE_BUDGET];
-  float cell_c11[CLOSURE_BUDGET];
-  float cell_c12[CLOSURE_BUDGET];
-  float cell_c22[CLOSURE_BUDGET];
 };
 
-/* Most closures of each of `lobes` lobes that one shading point sums, without the remainder. */
-int closure_limit(int lobes)
+/* An empty selection for one of `lobes` lobes of a shading point that may return `closures` closures besides the
+ * remainder. */
+Selection new_selection(int closures, int lobes, int is_ggx, float alpha, float random)
 {
-  return min(CLOSURE_BUDGET, LARGEST_CLOSURES / lobes - 1);
+  Selection s;
+  s.count = 0;
+  s.limit = max(min(min(closures, CLOSURE_BUDGET), LARGEST_CLOSURES / lobes - 1), 1);
+  s.is_merged = 0;
+  s.is_ggx = is_ggx;
+  s.alpha = alpha;
+  s.random = random;
+  return s;
 }
 
-/* Merged cells of each hint: a disk around the half vector and rings of sectors, of which the cells of all hints (of
- * all lobes of the shading point) fit the budget: decision 33. */
-int hint_cells(int hints)
+/* About what an element shows of a hinted light whose region has the radius `radius`: its lobe at the half vector,
+ * widened by the light. */
+float element_importance(Selection s, float radius, float weight, SlopeMoments m)
 {
-  return hints == 1 ? 37 : hints <= 3 ? 19 : hints == 4 ? 14 : 7;
+  float light = radius - REGION * s.alpha;
+  float alpha2 = s.alpha * s.alpha;
+  float width = max(alpha2 + m.c11 + m.c22, LEAST_SHARE * alpha2) + 0.5 * light * light;
+  float square = (m.p1 * m.p1 + m.p2 * m.p2) / max(width, 1e-30);
+  float lobe = s.is_ggx ? 1.0 / ((1.0 + square) * (1.0 + square)) : exp(-square);
+  return weight * (LEAST_IMPORTANCE + lobe);
 }
 
-/* In the wide region of a wide light, cells are wider than a facet's lobe, and the sum of their Gaussians has hills and
- * valleys. A narrow light, a tube or a wire, would lie at the same place among them in all samples. So the cells are
- * laid around a random point, up to CELLS_OFF radii off the half vector: decision 34. Regions up to CELLS_STILL alpha
- * wide keep the half vector as their middle, and regions from CELLS_MOVED alpha on use all of CELLS_OFF. */
-#define CELLS_OFF 0.2
-#define CELLS_STILL 3.5
-#define CELLS_MOVED 5.0
-
-/* The part of CELLS_OFF that a region of radius `radius` uses, 0..1. */
-float cells_off(float radius, float alpha)
-{
-  return clamp((radius / max(alpha, 1e-6) - CELLS_STILL) / (CELLS_MOVED - CELLS_STILL), 0.0, 1.0);
-}
-
-/* Number of the cell that contains a slope; x, y: in radii of the region from the middle of the cells; cells: of each
- * hint. */
-int cell_index(int cells, int hint, float x, float y)
-{
-  float r = sqrt(x * x + y * y);
-  int first = 0;
-  int sectors = 1;
-  if (cells == 37) {
-    first = r < 0.18 ? 0 : r < 0.45 ? 1 : r < 0.72 ? 7 : 19;
-    sectors = r < 0.18 ? 1 : r < 0.45 ? 6 : r < 0.72 ? 12 : 18;
-  }
-  else if (cells == 19) {
-    first = r < 0.25 ? 0 : r < 0.6 ? 1 : 7;
-    sectors = r < 0.25 ? 1 : r < 0.6 ? 6 : 12;
-  }
-  else if (cells == 14) {
-    first = r < 0.25 ? 0 : r < 0.6 ? 1 : 6;
-    sectors = r < 0.25 ? 1 : r < 0.6 ? 5 : 8;
-  }
-  else {
-    first = r < 0.37 ? 0 : 1;
-    sectors = r < 0.37 ? 1 : 6;
-  }
-  int sector = (int)floor((atan2(y, x) / M_2PI + 0.5) * sectors);
-  return hint * cells + first + clamp(sector, 0, sectors - 1);
-}
-
-/* Add one element to its cell; radius: of the hint's region. */
-void add_to_cell(output Selection s, int hint, float radius, float weight, SlopeMoments m)
-{
-  float off = cells_off(radius, s.alpha);
-  int cell = cell_index(s.cells, hint, m.p1 / radius - off * s.middle_1, m.p2 / radius - off * s.middle_2);
-  s.cell_weight[cell] += weight;
-  s.cell_p1[cell] += weight * m.p1;
-  s.cell_p2[cell] += weight * m.p2;
-  s.cell_c11[cell] += weight * (m.p1 * m.p1 + m.c11);
-  s.cell_c12[cell] += weight * (m.p1 * m.p2 + m.c12);
-  s.cell_c22[cell] += weight * (m.p2 * m.p2 + m.c22);
-}
-
-/* Keep one selected element: by itself while the budget lasts, else merged into its cell. */
+/* Offer one selected element to the reservoir whose turn it is. */
 void select_element(output Selection s, HalfVector hints[8], int hint, float weight, SlopeMoments m)
 {
-  if (!s.merged && s.count < s.limit) {
-    s.weight[s.count] = weight;
-    s.p1[s.count] = m.p1;
-    s.p2[s.count] = m.p2;
-    s.c11[s.count] = m.c11;
-    s.c12[s.count] = m.c12;
-    s.c22[s.count] = m.c22;
-    s.hint[s.count] = hint;
-    s.count += 1;
+  float importance = element_importance(s, hints[hint].radius, weight, m);
+  if (!(importance > 0.0)) {
     return;
   }
-  if (!s.merged) {
-    /* The budget is full: merge the elements kept so far into cells. */
-    s.merged = 1;
-    for (int k = 0; k < CLOSURE_BUDGET; ++k) {
-      s.cell_weight[k] = 0;
-      s.cell_p1[k] = 0;
-      s.cell_p2[k] = 0;
-      s.cell_c11[k] = 0;
-      s.cell_c12[k] = 0;
-      s.cell_c22[k] = 0;
-    }
-    for (int k = 0; k < s.limit; ++k) {
-      SlopeMoments kept = { s.p1[k], s.p2[k], s.c11[k], s.c12[k], s.c22[k] };
-      add_to_cell(s, s.hint[k], hints[s.hint[k]].radius, s.weight[k], kept);
-    }
+  int k = s.count % s.limit;
+  int is_kept = 1;
+  if (s.count < s.limit) {
+    float odds = s.random + GOLDEN_RATIO * k;
+    s.odds[k] = odds - floor(odds);
+    s.sum[k] = importance;
   }
-  add_to_cell(s, hint, hints[hint].radius, weight, m);
+  else {
+    /* One number decides again and again: whatever it said last, what is left of it is uniform. */
+    s.sum[k] += importance;
+    float share = importance / s.sum[k];
+    is_kept = s.odds[k] < share;
+    s.odds[k] = is_kept ? s.odds[k] / share : (s.odds[k] - share) / (1.0 - share);
+  }
+  s.count += 1;
+  if (is_kept) {
+    s.importance[k] = importance;
+    s.weight[k] = weight;
+    s.p1[k] = m.p1;
+    s.p2[k] = m.p2;
+    s.c11[k] = m.c11;
+    s.c12[k] = m.c12;
+    s.c22[k] = m.c22;
+    s.hint[k] = hint;
+  }
 }
 
 /* A facet of normal n reflects by 1 / (n.I), which at a grazing view changes across a merged cell. This is the
@@ -164,9 +134,6 @@ float merged_reflection(HalfVector hint, float alpha, SlopeMoments m)
   float at_light = (height + a1 * m1 + a2 * m2) / sqrt(1.0 + m1 * m1 + m2 * m2);
   return at_mean > 0.0 && at_light > 0.0 ? at_mean / at_light : 1.0;
 }
-
-/* Least squared width of a closure, in alpha^2: cells of counts.h may have a negative covariance. */
-#define LEAST_SHARE 0.5
 
 /* Anisotropic closure of one element or cell. */
 closure color glint_closure(string distribution, HalfVector hint, float alpha, SlopeMoments m)

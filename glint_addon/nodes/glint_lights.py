@@ -17,7 +17,7 @@ from .driven import Driven, Variable, write_number
 from .scene_lights import AXIS, HINT_COUNT, LIGHT, SHAPE, context_number
 
 NAME = "Glint Lights"
-VERSION = 3
+VERSION = 4
 
 # Values of a shape's X.
 KIND_NONE = 0
@@ -47,10 +47,10 @@ SAMPLE_COUNT = Driven(
     ),
 )
 
-# Closures a shading point may return. On the CPU Cycles keeps 64; on a GPU its pool holds about ten and drops the rest
-# in silence, which would darken the picture: there the lobe stays out, and Blender's own answer is rendered.
+# Closures that a lobe may return (osl/selection.h). On the CPU Cycles keeps 64 of a shading point; on a GPU its pool
+# holds about ten and drops the rest in silence: there the lobe stays out, and glints are rendered by nodes.
 CLOSURE_COUNT = Driven(
-    "60 if device < 1 else 0", (Variable("device", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.device"),)
+    "24 if device < 1 else 0", (Variable("device", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.device"),)
 )
 
 
@@ -160,7 +160,7 @@ def _add_nodes(group):
                 write_number(socket, context_number(set_of(group), slot, part + axis))
             sources[name] = node.outputs["Vector"], help
     for name, number, help in ((SAMPLES, SAMPLE_COUNT, "Samples a pixel of the render under way"),
-                               (CLOSURES, CLOSURE_COUNT, "Closures a glint may use: 60 on CPU, 0 on GPU")):
+                               (CLOSURES, CLOSURE_COUNT, "Closures a glint may use: 24 on CPU, 0 on GPU")):
         sources[name] = builder.add_node(group, "ShaderNodeValue", name).outputs["Value"], help
         write_number(sources[name][0], number)
 

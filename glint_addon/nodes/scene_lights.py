@@ -13,7 +13,7 @@ import bpy
 from ..properties import HOLDER, LIGHTS_KEY
 from .driven import VALUE, Driven, Entry, Variable, clear_driver, driver_curve, number_at, write_number
 
-HINT_COUNT = 8  # all hints share the 64 closures of a shading point: 8 leave each of them 8 closures
+HINT_COUNT = 8  # all hints share the closures of a lobe: 8 leave each of them three
 
 # Where the three numbers of a light's parts begin: see the group "Glint Lights", and `lights.shutter_nodes`.
 LIGHT, SHAPE, AXIS, SHIFT, REACH = range(0, 15, 3)

@@ -5,12 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from benchmarks import footprint_law, merge_cells, query, query_scene, query_truth
+from benchmarks import footprint_law, query, query_scene, query_truth
 from demo_scenes import measure
 from glint_addon import paths
 from tests.helpers.stress_marks import stress
 from tests.reference import footprint as footprint_twin
-from tests.reference import selection as selection_twin
 
 HALF_WIDTH = 6  # texels: all elements are visited, and a render takes milliseconds
 LARGEST_ERROR = 0.15  # relative RMSE of the query alone at this width, about twice what is measured
@@ -134,7 +133,6 @@ def test_the_experiments_have_the_shaders_constants():
     law = constants("footprint.h")
     assert law["FOOTPRINT_SCALE"] == footprint_law.SCALE == query_scene.FOOTPRINT_RADIUS
     assert law["FOOTPRINT_EXPONENT"] == footprint_law.EXPONENT
-    assert constants("light_hint.h")["REGION"] == merge_cells.REGION
 
 
 @pytest.mark.parametrize("spp", [1, 16, 64])
@@ -154,28 +152,3 @@ def test_sobol_points_are_one_in_each_stratum_and_scrambling_keeps_that():
         assert sorted(np.floor(numbers * 16)) == list(range(16))
     columns, rows = (points >> (footprint_law.BITS - 2)).T
     assert sorted(4 * columns + rows) == list(range(16))
-
-
-def test_rings_are_the_cells_of_the_shader():
-    """Those of the numpy twin of osl/selection.h, which is compared with it."""
-    rng = np.random.default_rng(4)
-    p = rng.uniform(-1.0, 1.0, (400, 2)) * merge_cells.REGION / np.sqrt(2.0)
-    for cells, rings in selection_twin.RINGS.items():
-        ones = np.ones(len(p), int)
-        wanted = selection_twin.cell_index(cells * ones, 0 * ones, merge_cells.REGION * ones, p)
-        np.testing.assert_array_equal(merge_cells.ring_cells(rings, p), wanted)
-
-
-def test_merging_keeps_what_selection_h_says():
-    """Relative rms of 30 elements, in the most and in the fewest cells."""
-    stated = {(37, merge_cells.beckmann): 0.002, (37, merge_cells.ggx): 0.015,
-              (7, merge_cells.beckmann): 0.034, (7, merge_cells.ggx): 0.1}
-    for (cells, distribution), rmse in stated.items():
-        rings = selection_twin.RINGS[cells]
-        found = merge_cells.merge_error(distribution, lambda p, rings=rings: merge_cells.ring_cells(rings, p), 30, 300)
-        assert found.rmse == pytest.approx(rmse, rel=0.4)
-
-
-def test_one_element_a_cell_loses_nothing():
-    found = merge_cells.merge_error(merge_cells.ggx, lambda p: np.arange(len(p)), 30, 20)
-    assert found.rmse < 1e-12

@@ -407,84 +407,64 @@ def test_normals_slopes_and_covariance_of_a_bilinear_patch():
 
 # --- selection.h ---
 
-ELEMENTS = 7  # given; each is repeated with scaled slopes until there are more than closures
+ELEMENTS = 7  # given; each is repeated with scaled slopes until there are more than reservoirs
+LIMITS = (1, 7, 24, 60)  # closures of a sample that are asked for
 SELECTION_BODY = """
   HalfVector hints[8];
   hints[0].radius = in[0]; hints[1].radius = in[1];
-  Selection s;
-  s.count = 0; s.merged = 0; s.limit = closure_limit(1); s.cells = hint_cells(2);
+  Selection s = new_selection((int)in[3], 1, (int)in[4], in[5], in[6]);
   int repeats = (int)in[2];
   for (int k = 0; k < 7 * repeats; ++k) {
-    int e = 3 + 6 * (k % 7);
+    int e = 7 + 6 * (k % 7);
     float scale = 1.0 - (k / 7) / 16.0;
     SlopeMoments m = { scale * in[e + 1], scale * in[e + 2], in[e + 3], in[e + 4], in[e + 5] };
     select_element(s, hints, k % 2, in[e], m);
   }
-  out[0] = s.merged; out[1] = s.count;
-  for (int k = 0; k < (s.merged ? 2 * s.cells : s.count); ++k) {
-    int h = s.merged ? k / s.cells : s.hint[k];
-    int o = 2 + 6 * h;
-    if (s.merged) {
-      out[o] += s.cell_weight[k]; out[o + 1] += s.cell_p1[k]; out[o + 2] += s.cell_p2[k];
-      out[o + 3] += s.cell_c11[k]; out[o + 4] += s.cell_c12[k]; out[o + 5] += s.cell_c22[k];
-    } else {
-      out[o] += s.weight[k]; out[o + 1] += s.weight[k] * s.p1[k]; out[o + 2] += s.weight[k] * s.p2[k];
-      out[o + 3] += s.weight[k] * (s.p1[k] * s.p1[k] + s.c11[k]);
-      out[o + 4] += s.weight[k] * (s.p1[k] * s.p2[k] + s.c12[k]);
-      out[o + 5] += s.weight[k] * (s.p2[k] * s.p2[k] + s.c22[k]);
-    }
+  out[0] = s.count; out[1] = s.limit;
+  for (int k = 0; k < min(s.count, s.limit); ++k) {
+    int o = 2 + 5 * k;
+    out[o] = s.sum[k]; out[o + 1] = s.importance[k]; out[o + 2] = s.p1[k]; out[o + 3] = s.c22[k];
+    out[o + 4] = s.hint[k];
   }
 """
 
 
-def test_merging_keeps_weight_mean_and_second_moments_of_each_hint():
+def test_each_reservoir_keeps_one_of_its_elements_with_odds_of_its_importance():
     rng = np.random.default_rng(9)
     elements = rng.normal(size=(ROWS, ELEMENTS, 6)) * 0.1
     elements[..., 0] = rng.uniform(0, 1, (ROWS, ELEMENTS))
-    repeats = rng.integers(1, 17, ROWS)
-    inputs, (radius, repeats, elements) = packed(rng.uniform(0.05, 0.3, (ROWS, 2)), repeats, elements)
-    osl = evaluate((*MAP_HEADERS, "selection.h"), SELECTION_BODY, inputs, 14)
+    elements[..., 3:] = 0.01 * rng.uniform(0, 1, (ROWS, ELEMENTS, 3))
+    alpha = rng.uniform(0.01, 0.1, ROWS)
+    inputs, (radius, repeats, limit, is_ggx, alpha, random, elements) = packed(
+        light_hint.REGION * alpha[:, None] + rng.uniform(0, 0.1, (ROWS, 2)), rng.integers(1, 17, ROWS),
+        rng.choice(LIMITS, ROWS), rng.integers(0, 2, ROWS), alpha, rng.uniform(0, 1, ROWS), elements)
+    osl = evaluate((*MAP_HEADERS, "selection.h"), SELECTION_BODY, inputs, 2 + 5 * selection.CLOSURE_BUDGET)
 
-    # All elements of each hint, as the shader makes them.
-    k = np.arange(ELEMENTS * 16)
-    scaled = elements[:, k % ELEMENTS]
-    scaled[..., 1:3] *= (1 - (k // ELEMENTS) / 16)[:, None]
-    used = k < ELEMENTS * repeats[:, None]
-    fits = ELEMENTS * repeats <= selection.CLOSURE_BUDGET
-    assert fits.any() and not fits.all()
-    np.testing.assert_array_equal(osl[:, 0] == 0, fits)
-    np.testing.assert_array_equal(osl[fits, 1], ELEMENTS * repeats[fits])
-    for h in range(2):
-        weight = np.where(used & (k % 2 == h), scaled[..., 0], 0.0)
-        p1, p2 = scaled[..., 1], scaled[..., 2]
-        second = (p1 * p1 + scaled[..., 3], p1 * p2 + scaled[..., 4], p2 * p2 + scaled[..., 5])
-        for column, value in enumerate((np.ones_like(p1), p1, p2, *second)):
-            sums, sizes = (weight * value).sum(1), (weight * np.abs(value)).sum(1)
-            # A sum of 112 numbers in float32.
-            assert (np.abs(osl[:, 2 + 6 * h + column] - sums) <= 112 * EPSILON * sizes).all()
+    clear = []
+    for row in range(ROWS):
+        k = np.arange(ELEMENTS * int(repeats[row]))
+        weight, p, covariance = np.split(elements[row, k % ELEMENTS], [1, 3], axis=1)
+        p = p * (1 - (k // ELEMENTS) / 16)[:, None]
+        importance = selection.element_importance(
+            is_ggx[row], alpha[row], radius[row, k % 2], weight[:, 0], p, covariance)
+        size = min(int(limit[row]), selection.CLOSURE_BUDGET)
+        kept, sums, sure = selection.reservoirs(importance, size, random[row])
+        assert tuple(osl[row, :2]) == (len(k), size)
+        found = osl[row, 2:].reshape(-1, 5)[:len(kept)]
+        np.testing.assert_allclose(found[:, 0], sums, rtol=1e-4)
+        wanted = np.stack([importance[kept], p[kept, 0], covariance[kept, 2], kept % 2], axis=1)
+        np.testing.assert_allclose(found[sure, 1:], wanted[sure], rtol=1e-4, atol=1e-7)
+        clear += [*sure]
+    assert np.mean(clear) > 0.98
 
 
-def test_every_slope_of_a_region_has_a_cell_of_its_hint():
-    rng = np.random.default_rng(10)
-    hints = rng.integers(1, 9, ROWS)
-    radius = rng.uniform(0.01, 0.8, ROWS)
-    slopes = rng.normal(size=(ROWS, 2)) * 0.6 * radius[:, None]
-    slopes[:4] = 0  # the middle of a region has a cell too
-    inputs, (hints, hint, radius, slopes) = packed(hints, rng.integers(0, hints), radius, slopes)
-    osl = evaluate(
-        (*MAP_HEADERS, "selection.h"),
-        "out[0] = hint_cells((int)in[0]); out[1] = cell_index((int)out[0], (int)in[1], in[3] / in[2], in[4] / in[2]);",
-        inputs, 2,
-    )
-    # All hints' cells fit the budget, and no hint has a cell of another.
-    cells = osl[:, 0]
-    assert (cells * hints <= selection.CLOSURE_BUDGET).all() and (osl[:, 1] // cells == hint).all()
-    assert (osl[:4, 1] == hint[:4] * cells[:4]).all()
-
-    np.testing.assert_array_equal(cells, [selection.hint_cells(int(count)) for count in hints])
-    clear = selection.cell_margin(cells, radius, slopes) > MARGIN
-    assert clear.mean() > 0.98
-    np.testing.assert_array_equal(osl[clear, 1], selection.cell_index(cells, hint, radius, slopes)[clear])
+def test_lobes_of_one_point_share_the_closures_that_cycles_keeps():
+    lobes = np.arange(1, 9)
+    inputs, (lobes,) = packed(np.resize(lobes, ROWS))
+    body = "Selection s = new_selection(60, (int)in[0], 0, 0.1, 0.5); out[0] = s.limit;"
+    limit = evaluate((*MAP_HEADERS, "selection.h"), body, inputs, 1)
+    # Each lobe has a remainder too.
+    assert (lobes * (limit[:, 0] + 1) <= 64).all() and limit[0, 0] == selection.CLOSURE_BUDGET and limit.min() == 7
 
 
 # --- query.h ---
@@ -497,8 +477,7 @@ VISIT_BODY = """
   map.strength = in[16]; map.is_linear = 1; map.kept = 0; map.fetches = 0;
   HalfVector hints[8];
   hints[0] = hint;
-  Selection s;
-  s.count = 0; s.merged = 0; s.limit = closure_limit(1); s.cells = hint_cells(1);
+  Selection s = new_selection(24, 1, 0, 0.01, 0.5);
   PatchPart place = {{ in[19], in[20], 0.0, 0.0, 0.0, 0.0 }};
   visit_patch(map, hints, 0, 1, 0.01, MODE_POINTS, (int)in[17], (int)in[18], -in[19], -in[20], place, 1.0, s);
   out[0] = s.count; out[1] = map.fetches;

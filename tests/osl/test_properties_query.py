@@ -262,15 +262,20 @@ def test_the_covariance_of_a_patch_is_that_of_the_slopes_around_a_point(seed, ra
 
 
 @SETTINGS
-@given(seeds, st.sampled_from(sorted(selection.RINGS)), exponents)
-def test_cells_do_not_depend_on_the_size_of_the_region(seed, cells, size):
-    rng = np.random.default_rng(seed)
-    p = rng.normal(size=(COUNT, 2)) * 0.5
-    radius = np.ones(COUNT)
-    which, clear = np.full(COUNT, cells), selection.cell_margin(np.full(COUNT, cells), radius, p) > 1e-9
-    here = selection.cell_index(which, np.zeros(COUNT, int), radius, p)
-    there = selection.cell_index(which, np.full(COUNT, 2), radius * 10.0**size, p * 10.0**size)
-    np.testing.assert_array_equal(there[clear], here[clear] + 2 * cells)
+@given(seeds, st.integers(1, 12), st.integers(1, 4))
+def test_reservoirs_keep_elements_with_odds_of_their_importance(seed, count, limit):
+    """So that what is kept, times sum over importance, has all elements as its mean, whatever lights these show."""
+    importance = np.random.default_rng(seed).uniform(0.02, 1, count)
+    draws = 1000
+    kept = np.zeros(count)
+    for draw in range(draws):
+        chosen, sums, _ = selection.reservoirs(importance, limit, (draw + 0.5) / draws)
+        kept[chosen] += 1
+    for k in range(min(count, limit)):
+        own = importance[k::limit]
+        assert sums[k] == pytest.approx(own.sum())
+        # Each of the reservoir's elements is kept over a few intervals of the random number, whose ends may be missed.
+        np.testing.assert_allclose(kept[k::limit] / draws, own / own.sum(), atol=(len(own) + 1) / draws)
 
 
 # --- image_texture.h, checker.h ---

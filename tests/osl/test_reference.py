@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from tests.reference import footprint, light_hint
 from tests.reference import map as normal_map
-from tests.reference import selection as cells
 
 SETTINGS = settings(max_examples=200, deadline=None, derandomize=True)
 seeds = st.integers(0, 2**32 - 1)
@@ -189,30 +188,6 @@ def test_a_patch_is_never_skipped_while_a_normal_of_it_is_in_the_region(seed, ra
     middle = patch.mean(axis=1)
     ball = np.linalg.norm(patch - middle[:, None], axis=2).max(axis=1)
     assert light_hint.hint_reaches_ball(hint, middle, ball, u + 0.5, v + 0.5)[0][selected].all()
-
-
-@SETTINGS
-@given(seeds, st.sampled_from(sorted(cells.RINGS)), st.integers(2, 300))
-def test_cells_conserve_the_moments_of_their_elements(seed, number, count):
-    rng = np.random.default_rng(seed)
-    weight, p = rng.random(count) + 1e-3, rng.uniform(-0.2, 0.2, (count, 2))
-    spread = rng.normal(size=(count, 2, 2)) * 0.05
-    spread = spread @ spread.transpose(0, 2, 1)
-    covariance = np.stack([spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]], -1)
-    index = cells.cell_index(np.full(count, number), np.zeros(count, int), np.full(count, 0.2), p)
-    assert index.min() >= 0 and index.max() < number
-    members = [index == cell for cell in np.unique(index)]
-    merged = [cells.moments(weight[own], p[own], covariance[own]) for own in members]
-    whole = cells.moments(*(np.array(column) for column in zip(*merged, strict=True)))
-    for one, other in zip(whole, cells.moments(weight, p, covariance), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
-    # A cell's own covariance is one: no direction has less spread than the elements it is made of.
-    assert all(c[0] >= -1e-15 and c[0] * c[2] - c[1] ** 2 >= -1e-15 for _, _, c in merged)
-
-
-def test_rings_hold_as_many_cells_as_they_say():
-    for number, rings in cells.RINGS.items():
-        assert sum(sectors for _, sectors in rings) == number and rings[-1][0] == np.inf
 
 
 @SETTINGS

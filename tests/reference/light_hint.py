@@ -8,6 +8,7 @@ import numpy as np
 
 HINT_SUN = 1.0
 HINT_LOCAL = 2.0
+REGION = 2.5  # alpha
 LARGEST_REGION = 0.8
 LARGEST_OF_VIEW = 1.0
 LARGEST_OF_LIGHT = 2.0

@@ -1,51 +1,39 @@
-"""Numpy twin of osl/selection.h: the cells into which elements are merged, and their moments."""
+"""Numpy twin of osl/selection.h: which of the selected elements are kept, and what they stand for."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.merge_cells import RINGS
+from .light_hint import REGION
 
-CLOSURE_BUDGET = 60
-
-
-def hint_cells(hints):
-    """Cells of each of `hints` hints: the most that fit the budget of all."""
-    return next(cells for cells in sorted(RINGS, reverse=True) if cells * hints <= CLOSURE_BUDGET)
-
-
-def cell_index(cells, hint, radius, p):
-    """Cell of slopes p (n, 2) in the rings of `cells` cells around each hint's half vector; region's `radius` (n,)."""
-    index = np.empty(len(p), int)
-    for row, slope in enumerate(p):
-        r = np.hypot(*slope) / radius[row]
-        turn = np.arctan2(slope[1], slope[0]) / (2 * np.pi) + 0.5
-        first = 0
-        for outer, sectors in RINGS[int(cells[row])]:
-            if r < outer:
-                index[row] = hint[row] * cells[row] + first + min(int(turn * sectors), sectors - 1)
-                break
-            first += sectors
-    return index
+CLOSURE_BUDGET = 24
+LEAST_IMPORTANCE = 0.02
+LEAST_SHARE = 0.5
+GOLDEN_RATIO = 0.6180339887
+EPSILON = 2.0**-24
 
 
-def cell_margin(cells, radius, p):
-    """Distance (n,) of slopes from the nearest border between cells: in radii of the region, or in turns."""
-    margin = np.empty(len(p))
-    for row, slope in enumerate(p):
-        r = np.hypot(*slope) / radius[row]
-        turn = np.arctan2(slope[1], slope[0]) / (2 * np.pi) + 0.5
-        rings = RINGS[int(cells[row])]
-        sectors = next(sectors for outer, sectors in rings if r < outer)
-        border = abs(turn * sectors - round(turn * sectors)) / sectors if sectors > 1 else np.inf
-        margin[row] = min(border, *(abs(r - outer) for outer, _ in rings))
-    return margin
+def element_importance(is_ggx, alpha, radius, weight, p, covariance):
+    """Importance (n,) of elements of `weight` (n,), mean slope p (n, 2), covariance (c11, c12, c22) (n, 3)."""
+    width = np.maximum(alpha**2 + covariance[:, 0] + covariance[:, 2], LEAST_SHARE * alpha**2)
+    square = (p**2).sum(axis=1) / (width + 0.5 * (radius - REGION * alpha) ** 2)
+    return weight * (LEAST_IMPORTANCE + np.where(is_ggx, 1 / (1 + square) ** 2, np.exp(-square)))
 
 
-def moments(weight, p, covariance):
-    """Weight, mean (2,) and covariance (c11, c12, c22) of a mixture of elements: weight (n,), p (n, 2), cov (n, 3)."""
-    total = weight.sum()
-    mean = (weight[:, None] * p).sum(axis=0) / total
-    second = np.stack([p[:, 0] ** 2, p[:, 0] * p[:, 1], p[:, 1] ** 2], axis=-1) + covariance
-    second = (weight[:, None] * second).sum(axis=0) / total
-    return total, mean, second - np.array([mean[0] ** 2, mean[0] * mean[1], mean[1] ** 2])
+def reservoirs(importance, limit, random):
+    """Of the elements with `importance` (n,): the one (m,) that each reservoir keeps, the reservoir's sum (m,), and
+    whether (m,) no choice was so close that rounding in 32 bits may decide it."""
+    count = min(len(importance), limit)
+    kept, sums = np.arange(count), importance[:count].copy()
+    odds = (random + GOLDEN_RATIO * np.arange(count)) % 1
+    error, clear = np.full(count, 4 * EPSILON), np.ones(count, bool)
+    for number in range(limit, len(importance)):
+        k = number % limit
+        sums[k] += importance[number]
+        share = importance[number] / sums[k]
+        clear[k] &= abs(odds[k] - share) > 4 * error[k] + 4 * EPSILON
+        is_kept = odds[k] < share
+        odds[k] = odds[k] / share if is_kept else (odds[k] - share) / (1 - share)
+        error[k] = error[k] / (share if is_kept else 1 - share) + 4 * EPSILON
+        kept[k] = number if is_kept else kept[k]
+    return kept, sums, clear
