@@ -324,8 +324,8 @@ Cells far_cells_of(HalfVector hint, float alpha, int hint_count, Counts counts, 
 /* Whether the counts can answer for the footprint; if so, `level` is the finest level, from the one for the footprint's
  * size on, whose bins are narrow enough for all hints, and `cells` are the cells of each hint there. widest: see
  * far_block. */
-int counts_serve(output Map map, HalfVector hints[8], int hint_count, int lobes, float alpha, Footprint footprint,
-                 float widest, vector random, output Level level, output Cells cells[8])
+int counts_serve(output Map map, HalfVector hints[HINT_COUNT], int hint_count, int lobes, float alpha, Footprint footprint,
+                 float widest, vector random, output Level level, output Cells cells[HINT_COUNT])
 {
   int from = far_block(map.counts, footprint, widest);
   /* Larger blocks have narrower bins: sharp facets on smooth maps are counted in them, at the price of some blur:
@@ -354,7 +354,7 @@ int counts_serve(output Map map, HalfVector hints[8], int hint_count, int lobes,
 
 /* Whether cell (i, j) of hint k is selected: it lies in or beside the region, and no cell of an earlier hint overlaps
  * it, because elements in both would count twice. */
-int cell_is_selected(Cells cells[8], int k, int i, int j)
+int cell_is_selected(Cells cells[HINT_COUNT], int k, int i, int j)
 {
   float low1 = cells[k].start1 + i * cells[k].stride1;
   float low2 = cells[k].start2 + j * cells[k].stride2;
@@ -378,7 +378,7 @@ void cell_move(HalfVector hint, Cells cells, float offset_u, float offset_v, out
 }
 
 /* Whether the counts select the normal at the hit point: then the remainder must leave it out. */
-int hit_is_counted(HalfVector hints[8], int hint_count, Cells cells[8], Level level, Map map, Hit hit)
+int hit_is_counted(HalfVector hints[HINT_COUNT], int hint_count, Cells cells[HINT_COUNT], Level level, Map map, Hit hit)
 {
   vector slope = hit.unscaled / hit.unscaled[2];
   vector bin = (slope - map.counts.low) / (map.counts.high - map.counts.low) * (level.corners - 1.0);
@@ -413,10 +413,7 @@ struct Blocks {
   float v;
   float side_u; /* of a block */
   float side_v;
-  /* The kernel's ellipse quu du^2 + 2 quv du dv + qvv dv^2 < 1. */
-  float quu;
-  float quv;
-  float qvv;
+  Ellipse ellipse; /* of the kernel */
   int first_column;
   int first_row;
   int columns;
@@ -446,15 +443,11 @@ Blocks blocks_under(Level level, Footprint footprint, float u, float v)
   blocks.side_u = 0.5 * level.group_u;
   blocks.side_v = 0.5 * level.group_v;
   float spread = 1.0 / (12.0 * KERNEL_VARIANCE);
-  float suu = footprint.ux * footprint.ux + footprint.uy * footprint.uy + spread * blocks.side_u * blocks.side_u;
-  float suv = footprint.ux * footprint.vx + footprint.uy * footprint.vy;
-  float svv = footprint.vx * footprint.vx + footprint.vy * footprint.vy + spread * blocks.side_v * blocks.side_v;
-  float determinant = suu * svv - suv * suv;
-  blocks.quu = svv / determinant;
-  blocks.quv = -suv / determinant;
-  blocks.qvv = suu / determinant;
-  float reach_u = sqrt(suu) - 0.5 * blocks.side_u;
-  float reach_v = sqrt(svv) - 0.5 * blocks.side_v;
+  Ellipse ellipse = footprint_ellipse(footprint, spread * blocks.side_u * blocks.side_u,
+                                      spread * blocks.side_v * blocks.side_v);
+  blocks.ellipse = ellipse;
+  float reach_u = ellipse.reach_u - 0.5 * blocks.side_u;
+  float reach_v = ellipse.reach_v - 0.5 * blocks.side_v;
   blocks.first_column = (int)floor((u - reach_u) / level.group_u);
   blocks.first_row = (int)floor((v - reach_v) / level.group_v);
   blocks.columns = (int)floor((u + reach_u) / level.group_u) - blocks.first_column + 1;
@@ -494,14 +487,11 @@ color block_weights(Blocks blocks, Level level, Footprint footprint, int g, vect
   float low = (row + 0.25) * level.group_v - blocks.v;
   float right = left + blocks.side_u;
   float high = low + blocks.side_v;
-  float cross_low = 2.0 * blocks.quv * low;
-  float cross_high = 2.0 * blocks.quv * high;
-  float square_low = blocks.qvv * low * low;
-  float square_high = blocks.qvv * high * high;
-  fourth = footprint_kernel(blocks.quu * right * right + cross_high * right + square_high);
-  return color(footprint_kernel(blocks.quu * left * left + cross_low * left + square_low),
-               footprint_kernel(blocks.quu * right * right + cross_low * right + square_low),
-               footprint_kernel(blocks.quu * left * left + cross_high * left + square_high));
+  Ellipse ellipse = blocks.ellipse;
+  fourth = footprint_kernel(ellipse_square(ellipse, right, high));
+  return color(footprint_kernel(ellipse_square(ellipse, left, low)),
+               footprint_kernel(ellipse_square(ellipse, right, low)),
+               footprint_kernel(ellipse_square(ellipse, left, high)));
 }
 
 /* The weight above which a group is always read, chosen so that DRAWN_GROUPS of `count` groups are read; 0: all are. */
@@ -568,7 +558,7 @@ Groups drawn_groups(Blocks blocks, Level level, Footprint footprint, vector rand
  * order by moving mass from each cell to heavier neighbours: decision 28. spread1, spread2: see cell_spread. A cell
  * loses no more than LARGEST_MOVE of its mass to each of its four neighbours, so no mass falls below 0. */
 #define LARGEST_MOVE 0.25
-void sharpen_cells(Cells cells[8], int k, int columns, int rows, float spread1, float spread2,
+void sharpen_cells(Cells cells[HINT_COUNT], int k, int columns, int rows, float spread1, float spread2,
                    output float mass[MOST_CELLS])
 {
   float sharp[MOST_CELLS];
@@ -713,7 +703,7 @@ void grid_masses(output Map map, Level level, HalfVector hint, Cells cells, Bloc
 }
 
 /* The cell that is a peak (PEAK_SHARE), as of a flat map or of scratches along one direction; -1: none. */
-int peak_cell(Cells cells[8], int k, Grid grid, Masses m)
+int peak_cell(Cells cells[HINT_COUNT], int k, Grid grid, Masses m)
 {
   int largest = 0;
   float all = 0;
@@ -728,8 +718,8 @@ int peak_cell(Cells cells[8], int k, Grid grid, Masses m)
 
 /* Select the cells around each half vector, as many elements each as its counts say. parts: of a peak along each side
  * (peak_parts); (u, v): the hit's texel coordinates; random: uniform numbers of this sample. */
-void counts_query(float alpha, output Map map, Level level, HalfVector hints[8], int hint_count, int parts,
-                  Cells cells[8], Footprint footprint, float u, float v, vector random, output Selection s,
+void counts_query(float alpha, output Map map, Level level, HalfVector hints[HINT_COUNT], int hint_count, int parts,
+                  Cells cells[HINT_COUNT], Footprint footprint, float u, float v, vector random, output Selection s,
                   output int visited)
 {
   Blocks blocks = blocks_under(level, footprint, u, v);

@@ -82,6 +82,39 @@ int ray_footprint(vector dpdx, vector dpdy, vector view, vector geometric_normal
   return footprint.long_axis < 1e9 && product > 0.0;
 }
 
+/* The footprint's ellipse in texel offsets: quu du^2 + 2 quv du dv + qvv dv^2 < 1. */
+struct Ellipse {
+  float quu;
+  float quv;
+  float qvv;
+  float reach_u; /* texels, half of the bounding box */
+  float reach_v;
+};
+
+/* wide_u, wide_v: squared texels by which the ellipse's squared axes are widened along u and v. */
+Ellipse footprint_ellipse(Footprint footprint, float wide_u, float wide_v)
+{
+  float suu = footprint.ux * footprint.ux + footprint.uy * footprint.uy;
+  float suv = footprint.ux * footprint.vx + footprint.uy * footprint.vy;
+  float svv = footprint.vx * footprint.vx + footprint.vy * footprint.vy;
+  /* (suu + wide_u) (svv + wide_v) - suv^2, which for thin ellipses would be a difference of large numbers. */
+  float product = footprint.ux * footprint.vy - footprint.uy * footprint.vx;
+  float determinant = product * product + wide_u * svv + wide_v * suu + wide_u * wide_v;
+  Ellipse ellipse;
+  ellipse.quu = (svv + wide_v) / determinant;
+  ellipse.quv = -suv / determinant;
+  ellipse.qvv = (suu + wide_u) / determinant;
+  ellipse.reach_u = sqrt(suu + wide_u);
+  ellipse.reach_v = sqrt(svv + wide_v);
+  return ellipse;
+}
+
+/* Squared distance of a texel offset from the middle, where 1 is the ellipse's rim. */
+float ellipse_square(Ellipse ellipse, float du, float dv)
+{
+  return ellipse.quu * du * du + 2.0 * ellipse.quv * du * dv + ellipse.qvv * dv * dv;
+}
+
 /* Make a footprint `scale` times as wide. */
 void scale_footprint(float scale, output Footprint footprint)
 {

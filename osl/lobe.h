@@ -55,7 +55,7 @@ closure color patch_closure(string distribution, float alpha, Patch patch, Hit h
 
 /* Sum of the closures of a selection and of the remainder. total: the sum to which the selection's weights are
  * relative. */
-closure color selection_closures(string distribution, float alpha, HalfVector hints[8], Selection s, float total,
+closure color selection_closures(string distribution, float alpha, HalfVector hints[HINT_COUNT], Selection s, float total,
                                  float seed_1, float seed_2, closure color remainder, output int closures)
 {
   closure color sum = remainder;
@@ -77,7 +77,7 @@ closure color selection_closures(string distribution, float alpha, HalfVector hi
 
 /* By how much to make a footprint smaller, 0..1: its turn is limited to LARGEST_FOOTPRINT_TURN, and to SPARE_TURN where
  * it has more than LARGEST_VISIT elements. */
-float footprint_scale(HalfVector hints[8], int hint_count, float area, float samples)
+float footprint_scale(HalfVector hints[HINT_COUNT], int hint_count, float area, float samples)
 {
   float scale = 1.0;
   float spare = 1.0;
@@ -96,7 +96,7 @@ float footprint_scale(HalfVector hints[8], int hint_count, float area, float sam
  * diffuse_distance: to the diffuse bounce before this point, 0 if there was none. left: why `plain` is returned
  * (counters.h); hint_count: number of hints that some element of the map can reach here. */
 closure color glint_lobe(string distribution, float alpha, int lobes, int closure_count, output Map map,
-                         vector low, vector high, NormalFrame frame, Hit hit, vector lights[8], vector shapes[8], float samples,
+                         vector low, vector high, NormalFrame frame, Hit hit, vector lights[HINT_COUNT], vector shapes[HINT_COUNT], float samples,
                          float diffuse_distance, float du_dx, float du_dy, float dv_dx, float dv_dy,
                          closure color plain, output color counters, output int left, output int hint_count)
 {
@@ -121,7 +121,7 @@ closure color glint_lobe(string distribution, float alpha, int lobes, int closur
   }
 
   /* Keep the hints that some normal of the map can reach here. */
-  HalfVector hints[8];
+  HalfVector hints[HINT_COUNT];
   float region = REGION * alpha;
   int bounded = high[0] > low[0] || high[1] > low[1];
   vector strong_low = low;
@@ -173,7 +173,7 @@ closure color glint_lobe(string distribution, float alpha, int lobes, int closur
   /* Choose between the counts, the index and visits. The remainder is one normal: more would gain nothing: decision
    * 13. */
   Level level;
-  Cells cells[8];
+  Cells cells[HINT_COUNT];
   vector random = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
   int is_selected = 0;
   /* Try the counts, then the index, then, before a random subset, counts of wider blocks. The loop calls counts_serve

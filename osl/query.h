@@ -74,7 +74,7 @@ int texel_slope(HalfVector hint, vector n, float offset_u, float offset_v, outpu
 /* Whether glint_query selects, for any hint, the element at the hit point: then the remainder must leave it out. patch,
  * (a, b): the hit's patch and the place in it; n: the normal there. This function must cut patches exactly as
  * glint_query does. */
-int hit_is_selected(Map map, HalfVector hints[8], int hint_count, float alpha, int mode, Patch patch, float a, float b,
+int hit_is_selected(Map map, HalfVector hints[HINT_COUNT], int hint_count, float alpha, int mode, Patch patch, float a, float b,
                     vector n)
 {
   float part_a = a;
@@ -103,7 +103,7 @@ int hit_is_selected(Map map, HalfVector hints[8], int hint_count, float alpha, i
 /* Visit one texel for the hints from `from` to before `to`. A normal that lies in the regions of several hints is
  * selected for the first of all hints alone, or it would count twice. first: hints[from] as a parameter, because each
  * use of an array's element copies the whole struct: decision 12. */
-void visit_texel(output Map map, HalfVector first, HalfVector hints[8], int from, int to, int i, int j, float offset_u,
+void visit_texel(output Map map, HalfVector first, HalfVector hints[HINT_COUNT], int from, int to, int i, int j, float offset_u,
                  float offset_v, float weight, output Selection s)
 {
   vector n = map_normal(map, i, j);
@@ -131,7 +131,7 @@ void visit_texel(output Map map, HalfVector first, HalfVector hints[8], int from
 
 /* Visit one patch for the hints from `from` to before `to`, cut into parts; in MODE_POINTS only the part `place`.
  * offset: of the patch's lower left corner. */
-void visit_patch(output Map map, HalfVector hints[8], int from, int to, float alpha, int mode, int i, int j,
+void visit_patch(output Map map, HalfVector hints[HINT_COUNT], int from, int to, float alpha, int mode, int i, int j,
                  float offset_u, float offset_v, PatchPart place, float weight, output Selection s)
 {
   /* Skip a patch that no hint can select, by one fetch. */
@@ -191,7 +191,7 @@ void visit_patch(output Map map, HalfVector hints[8], int from, int to, float al
  * those that mirror a hinted light. sure: weight from which on an element is always visited (is_drawn); random_1,
  * random_2: uniform numbers of this sample. Returns the sum of the kernel's weights over all elements: selected weights
  * are relative to this sum. */
-float glint_query(output Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, int mode,
+float glint_query(output Map map, HalfVector hints[HINT_COUNT], int hint_count, float alpha, Footprint footprint, int mode,
                   float sure, float u, float v, float random_1, float random_2, output Selection s, output int visited)
 {
   float total = 0;
@@ -200,28 +200,21 @@ float glint_query(output Map map, HalfVector hints[8], int hint_count, float alp
   float odds = random_1;
 
   if (mode == MODE_ALL) {
-    /* Visit the ellipse quu du^2 + 2 quv du dv + qvv dv^2 < 1 row by row. */
-    float determinant = footprint.ux * footprint.vy - footprint.uy * footprint.vx;
-    float ixu = footprint.vy / determinant;
-    float ixv = -footprint.uy / determinant;
-    float iyu = -footprint.vx / determinant;
-    float iyv = footprint.ux / determinant;
-    float quu = ixu * ixu + iyu * iyu;
-    float quv = ixu * ixv + iyu * iyv;
-    float qvv = ixv * ixv + iyv * iyv;
-    float half_height = sqrt(footprint.vx * footprint.vx + footprint.vy * footprint.vy);
-    int last_row = (int)floor(v + half_height - 0.5);
-    for (int row = (int)ceil(v - half_height - 0.5); row <= last_row; ++row) {
+    /* Visit the ellipse row by row. */
+    Ellipse ellipse = footprint_ellipse(footprint, 0.0, 0.0);
+    int last_row = (int)floor(v + ellipse.reach_v - 0.5);
+    for (int row = (int)ceil(v - ellipse.reach_v - 0.5); row <= last_row; ++row) {
       float dv = row + 0.5 - v;
-      float root = max(quv * quv * dv * dv - quu * (qvv * dv * dv - 1.0), 0.0);
-      float middle = u - quv / quu * dv - 0.5;
-      int last_column = (int)floor(middle + sqrt(root) / quu);
-      int column = (int)ceil(middle - sqrt(root) / quu);
+      float offset = ellipse.quv * dv;
+      float half_width = sqrt(max(offset * offset - ellipse.quu * (ellipse.qvv * dv * dv - 1.0), 0.0)) / ellipse.quu;
+      float middle = u - offset / ellipse.quu - 0.5;
+      int last_column = (int)floor(middle + half_width);
+      int column = (int)ceil(middle - half_width);
       int i = wrapped(column, map.width);
       int j = wrapped(row, map.height);
       for (; column <= last_column; ++column) {
         float du = column + 0.5 - u;
-        float weight = footprint_kernel(quu * du * du + 2.0 * quv * du * dv + qvv * dv * dv);
+        float weight = footprint_kernel(ellipse_square(ellipse, du, dv));
         total += weight;
         if (is_drawn(sure, odds, weight)) {
           visited += 1;

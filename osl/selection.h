@@ -79,7 +79,7 @@ float element_importance(Selection s, float radius, float weight, SlopeMoments m
 }
 
 /* Offer one selected element to the reservoir whose turn it is. */
-void select_element(output Selection s, HalfVector hints[8], int hint, float weight, SlopeMoments m)
+void select_element(output Selection s, HalfVector hints[HINT_COUNT], int hint, float weight, SlopeMoments m)
 {
   float importance = element_importance(s, hints[hint].radius, weight, m);
   if (!(importance > 0.0)) {

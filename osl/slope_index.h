@@ -121,10 +121,7 @@ void unscaled_bounds(float strength, float least_z, output float low, output flo
 struct Search {
   float u; /* the hit's texel coordinates */
   float v;
-  /* The kernel's ellipse quu du^2 + 2 quv du dv + qvv dv^2 < 1. */
-  float quu;
-  float quv;
-  float qvv;
+  Ellipse ellipse; /* of the kernel */
   int column; /* first texel of the block in the map */
   int row;
   int plane_column; /* first texel of the block in the plane in which the map repeats */
@@ -135,7 +132,7 @@ struct Search {
 
 /* Visit the elements `start` to `end` of a block for the k-th hint: of the block's list, or of its texels row by
  * row. */
-void visit_listed(output Map map, Index index, Search search, HalfVector hint, HalfVector hints[8], int k, float alpha,
+void visit_listed(output Map map, Index index, Search search, HalfVector hint, HalfVector hints[HINT_COUNT], int k, float alpha,
                   int is_listed, int start, int end, output Selection s, output int visited)
 {
   PatchPart whole = { 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 };
@@ -154,7 +151,7 @@ void visit_listed(output Map map, Index index, Search search, HalfVector hint, H
       int y = code >> 5;
       float du = search.plane_column + x + 0.5 - search.u;
       float dv = search.plane_row + y + 0.5 - search.v;
-      float weight = footprint_kernel(search.quu * du * du + 2.0 * search.quv * du * dv + search.qvv * dv * dv);
+      float weight = footprint_kernel(ellipse_square(search.ellipse, du, dv));
       if (weight > 0.0 && x < search.columns) {
         visited += 1;
         if (map.is_linear) {
@@ -238,7 +235,7 @@ void row_elements(output Map map, Index index, int record, CellRange range, int 
 }
 
 /* Whether the index can answer for the footprint, and is faster than visits of all elements. */
-int index_serves(output Map map, Footprint footprint, HalfVector hints[8], int hint_count, float u, float v)
+int index_serves(output Map map, Footprint footprint, HalfVector hints[HINT_COUNT], int hint_count, float u, float v)
 {
   float blocks = (2.0 * hypot(footprint.ux, footprint.uy) / INDEX_SIDE + 1.0) *
                  (2.0 * hypot(footprint.vx, footprint.vy) / INDEX_SIDE + 1.0);
@@ -282,23 +279,17 @@ int index_serves(output Map map, Footprint footprint, HalfVector hints[8], int h
 }
 
 /* As glint_query, but visits only the candidates of the index. */
-float index_query(output Map map, HalfVector hints[8], int hint_count, float alpha, Footprint footprint, float u, float v,
+float index_query(output Map map, HalfVector hints[HINT_COUNT], int hint_count, float alpha, Footprint footprint, float u, float v,
                   output Selection s, output int visited)
 {
   Index index = map_index(map.index, map.width, map.height);
   Search search;
   search.u = u;
   search.v = v;
-  float inverse = 1.0 / (footprint.ux * footprint.vy - footprint.uy * footprint.vx);
-  float ixu = footprint.vy * inverse;
-  float ixv = -footprint.uy * inverse;
-  float iyu = -footprint.vx * inverse;
-  float iyv = footprint.ux * inverse;
-  search.quu = ixu * ixu + iyu * iyu;
-  search.quv = ixu * ixv + iyu * iyv;
-  search.qvv = ixv * ixv + iyv * iyv;
-  float reach_u = hypot(footprint.ux, footprint.uy);
-  float reach_v = hypot(footprint.vx, footprint.vy);
+  Ellipse ellipse = footprint_ellipse(footprint, 0.0, 0.0);
+  search.ellipse = ellipse;
+  float reach_u = ellipse.reach_u;
+  float reach_v = ellipse.reach_v;
   for (int k = 0; k < hint_count; ++k) {
     HalfVector hint = hints[k];
     SlopeBasis basis = slope_basis(hint);
@@ -311,8 +302,8 @@ float index_query(output Map map, HalfVector hints[8], int hint_count, float alp
         int side_u = min(map.width - INDEX_SIDE * place_u, INDEX_SIDE);
         float du = i + 0.5 * side_u - u;
         /* Skip a block whose bounding circle in the kernel's plane does not meet the kernel's disk. */
-        float half = 0.5 * (side_u * sqrt(search.quu) + side_v * sqrt(search.qvv));
-        if (hypot(ixu * du + ixv * dv, iyu * du + iyv * dv) < 1.0 + half) {
+        float half = 0.5 * (side_u * sqrt(ellipse.quu) + side_v * sqrt(ellipse.qvv));
+        if (ellipse_square(ellipse, du, dv) < (1.0 + half) * (1.0 + half)) {
           search.column = INDEX_SIDE * place_u;
           search.row = INDEX_SIDE * place_v;
           search.plane_column = i;

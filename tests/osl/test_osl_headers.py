@@ -173,6 +173,28 @@ def test_the_index_divides_by_the_integral_of_the_kernel():
     assert abs(footprint.footprint_kernel(t).mean() * float(divisor) - 1.0) < 1e-6
 
 
+def test_the_ellipse_of_a_footprint_is_inverted_however_thin_it_is():
+    rng = np.random.default_rng(12)
+    turn = rng.uniform(0, 2 * np.pi, ROWS)
+    thin = 10.0 ** rng.uniform(-3.5, 0, ROWS)  # short axis over long
+    across = np.stack([-np.sin(turn), np.cos(turn)], axis=1) * thin[:, None]
+    axes = np.stack([np.stack([np.cos(turn), np.sin(turn)], axis=1), across], axis=2)
+    axes *= 10.0 ** rng.uniform(0, 3, ROWS)[:, None, None]
+    wide = rng.uniform(0, 100, (ROWS, 2)) * rng.integers(0, 2, (ROWS, 1))
+    inputs, (axes, wide, place) = packed(axes, wide, rng.uniform(-1, 1, (ROWS, 2)))
+    osl = evaluate(
+        ("footprint.h",), "Footprint f; f.ux = in[0]; f.uy = in[1]; f.vx = in[2]; f.vy = in[3];"
+        "Ellipse e = footprint_ellipse(f, in[4], in[5]); out[0] = e.reach_u; out[1] = e.reach_v;"
+        "out[2] = ellipse_square(e, in[6], in[7]);", inputs, 3,
+    )
+    form, reach = footprint.footprint_ellipse(axes, wide)
+    np.testing.assert_allclose(osl[:, :2], reach, rtol=FAST_MATH)
+    expected = np.einsum("ni,nij,nj->n", place, form, place)
+    # The form's entries cancel along a thin ellipse's long axis, and so do the axes' own digits in its area.
+    largest = (np.abs(form) * np.abs(place[:, :, None] * place[:, None])).sum(axis=(1, 2))
+    assert (np.abs(osl[:, 2] - expected) < 8 * EPSILON / thin * largest).all()
+
+
 def test_kernel_radius_and_samples_of_the_footprint():
     rng = np.random.default_rng(5)
     inputs, (t, samples, a, b) = packed(

@@ -68,6 +68,13 @@ def ray_footprint(dpdx, dpdy, view, geometric_normal, radius, du_dx, du_dy, dv_d
     )
 
 
+def footprint_ellipse(axes, wide):
+    """Forms (n, 2, 2) that are 1 on the rim of ellipses with half axes `axes` (n, 2, 2), columns, widened by `wide`
+    (n, 2) squared texels along u and v; and half of their bounding boxes (n, 2)."""
+    square = axes @ axes.transpose(0, 2, 1) + wide[:, :, None] * np.eye(2)
+    return np.linalg.inv(square), np.sqrt(np.einsum("nii->ni", square))
+
+
 def footprint_kernel(t):
     """Kernel over the unit disk, t = x^2 + y^2."""
     return np.where(t < 1.0, (1.0 - t) ** 2, 0.0)
