@@ -174,7 +174,7 @@ struct Cells {
   float a22;
 };
 
-/* Cells across the region of each of `hints` hints, which share the closures (cell_limit). */
+/* Cells across the region of each of `hints` hints, which share the closures that are drawn from all (cell_limit). */
 float far_cells(int hints)
 {
   return hints == 1 ? 5.0 : hints == 2 ? 4.0 : hints == 3 ? 3.0 : hints == 4 ? 2.5 : hints <= 6 ? 1.9 : 1.5;
@@ -194,9 +194,9 @@ float cell_spread(float width)
   return (clamp(2.0 * (width - CELL_NARROW) / (CELL_WIDE - CELL_NARROW), 0.0, 2.0) - 1.0) / 12.0;
 }
 
-/* Into how many parts along each side a peak (PEAK_SHARE) is cut; with 1 the peak stays one cell. The closures of all
- * cells and parts together, 31 + 25 for one hint, 2 (23 + 4) for two, 3 (15 + 4) for three, fit the closures of a
- * shading point. */
+/* Into how many parts along each side a peak (PEAK_SHARE) is cut; with 1 the peak stays one cell. So all cells and
+ * parts together are 31 + 25 for one hint, 2 (23 + 4) for two, 3 (15 + 4) for three, of which a few are drawn
+ * (selection.h). */
 int peak_parts(int hints)
 {
   return hints == 1 ? 5 : hints <= 3 ? 2 : 1;
@@ -324,8 +324,8 @@ Cells far_cells_of(HalfVector hint, float alpha, int hint_count, Counts counts, 
 /* Whether the counts can answer for the footprint; if so, `level` is the finest level, from the one for the footprint's
  * size on, whose bins are narrow enough for all hints, and `cells` are the cells of each hint there. widest: see
  * far_block. */
-int counts_serve(output Map map, HalfVector hints[HINT_COUNT], int hint_count, int lobes, float alpha, Footprint footprint,
-                 float widest, vector random, output Level level, output Cells cells[HINT_COUNT])
+int counts_serve(output Map map, HalfVector hints[HINT_COUNT], int hint_count, int lobes, float alpha,
+                 Footprint footprint, float widest, vector random, output Level level, output Cells cells[HINT_COUNT])
 {
   int from = far_block(map.counts, footprint, widest);
   /* Larger blocks have narrower bins: sharp facets on smooth maps are counted in them, at the price of some blur:

@@ -132,8 +132,8 @@ struct Search {
 
 /* Visit the elements `start` to `end` of a block for the k-th hint: of the block's list, or of its texels row by
  * row. */
-void visit_listed(output Map map, Index index, Search search, HalfVector hint, HalfVector hints[HINT_COUNT], int k, float alpha,
-                  int is_listed, int start, int end, output Selection s, output int visited)
+void visit_listed(output Map map, Index index, Search search, HalfVector hint, HalfVector hints[HINT_COUNT], int k,
+                  float alpha, int is_listed, int start, int end, output Selection s, output int visited)
 {
   PatchPart whole = { 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 };
   for (int group = start / 8; 8 * group < end; ++group) {
@@ -279,8 +279,8 @@ int index_serves(output Map map, Footprint footprint, HalfVector hints[HINT_COUN
 }
 
 /* As glint_query, but visits only the candidates of the index. */
-float index_query(output Map map, HalfVector hints[HINT_COUNT], int hint_count, float alpha, Footprint footprint, float u, float v,
-                  output Selection s, output int visited)
+float index_query(output Map map, HalfVector hints[HINT_COUNT], int hint_count, float alpha, Footprint footprint,
+                  float u, float v, output Selection s, output int visited)
 {
   Index index = map_index(map.index, map.width, map.height);
   Search search;
