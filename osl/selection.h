@@ -97,7 +97,7 @@ void select_element(output Selection s, HalfVector hints[HINT_COUNT], int hint, 
     s.sum[k] += importance;
     float share = importance / s.sum[k];
     is_kept = s.odds[k] < share;
-    s.odds[k] = is_kept ? s.odds[k] / share : (s.odds[k] - share) / (1.0 - share);
+    s.odds[k] = is_kept ? s.odds[k] / share : (s.odds[k] - share) / max(1.0 - share, 1e-7); /* both may round to 1 */
   }
   s.count += 1;
   if (is_kept) {
