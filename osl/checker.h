@@ -162,7 +162,7 @@ float checker_share(point x, vector long_axis, vector short_axis)
 }
 
 /* Two standard deviations of a pixel's footprint on the surface, as vectors: Dx(P), Dy(P) with the stretch of a surface
- * seen at an angle, which Cycles leaves out; the square root of 1 + q q^T as in ray_footprint (footprint.h). */
+ * seen at an angle, which Cycles leaves out; the square root of 1 + q q^T as in cone_on_surface (footprint.h). */
 void surface_footprint(vector dpdx, vector dpdy, vector view, vector geometric_normal, float std_pixels,
                        output vector first, output vector second)
 {

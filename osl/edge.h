@@ -6,14 +6,14 @@
 #define EDGE_MARGIN 1.0
 
 /* Whether a part of the footprint at UV coordinates lies outside the map. */
-int meets_edge(Map map, point uv, float samples, float du_dx, float du_dy, float dv_dx, float dv_dy)
+int meets_edge(Map map, point uv, float samples, Matrix2 texels)
 {
   float u = uv[0] * map.width;
   float v = uv[1] * map.height;
   float reach_u = EDGE_MARGIN;
   float reach_v = EDGE_MARGIN;
   Footprint footprint;
-  if (ray_footprint(Dx(P), Dy(P), I, Ng, footprint_radius(samples), du_dx, du_dy, dv_dx, dv_dy, footprint)) {
+  if (surface_footprint(cone_on_surface(Dx(P), Dy(P), I, Ng, footprint_radius(samples)), texels, footprint)) {
     reach_u += hypot(footprint.ux, footprint.uy);
     reach_v += hypot(footprint.vx, footprint.vy);
   }

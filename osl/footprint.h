@@ -39,37 +39,45 @@ float footprint_radius(float samples)
   return FOOTPRINT_SCALE * pow(max(samples, 1.0), -FOOTPRINT_EXPONENT);
 }
 
-/* Footprint of a ray cone. radius: in pixels; du_dx and so on: change of the texel coordinates per Dx(P), Dy(P).
- * Cycles gives Dx(P), Dy(P) as an orthonormal pair times the cone's radius, without the stretch of a surface seen at
- * an angle; with q = (I - (I.Ng) Ng) / (I.Ng) in that basis the pixel covers r^2 (1 + q q^T).
- * Returns 0 where the UVs have no derivatives or no area. */
-int ray_footprint(vector dpdx, vector dpdy, vector view, vector geometric_normal, float radius,
-                  float du_dx, float du_dy, float dv_dx, float dv_dy, output Footprint footprint)
-{
-  float determinant = du_dx * dv_dy - du_dy * dv_dx;
-  float cone = length(dpdx);
-  if (!(cone > 0.0) || !(abs(determinant) > LEAST_AXES_SINE * hypot(du_dx, du_dy) * hypot(dv_dx, dv_dy))) {
-    return 0;
-  }
+/* A linear map of the plane: (x, y) -> (xx x + xy y, yx x + yy y). */
+struct Matrix2 {
+  float xx;
+  float xy;
+  float yx;
+  float yy;
+};
 
-  /* Stretch along the view direction: the square root of 1 + q q^T. */
+/* Kernel coordinates -> surface, in units of Dx(P), Dy(P), for a ray cone of `radius` pixels. Cycles gives Dx(P), Dy(P)
+ * as an orthonormal pair times the cone's radius, without the stretch of a surface seen at an angle; with
+ * q = (I - (I.Ng) Ng) / (I.Ng) in that basis the pixel covers r^2 (1 + q q^T), of which this is the square root. */
+Matrix2 cone_on_surface(vector dpdx, vector dpdy, vector view, vector geometric_normal, float radius)
+{
+  float cone = max(length(dpdx), 1e-30);
   float cosine = max(abs(dot(view, geometric_normal)), LEAST_COSINE);
   float qx = dot(view, dpdx) / (cone * cosine);
   float qy = dot(view, dpdy) / (cone * cosine);
-  float k = 1.0 / (1.0 + sqrt(1.0 + qx * qx + qy * qy));
-  float axx = radius * (1.0 + k * qx * qx);
-  float axy = radius * k * qx * qy;
-  float ayy = radius * (1.0 + k * qy * qy);
+  float k = radius / (1.0 + sqrt(1.0 + qx * qx + qy * qy));
+  Matrix2 surface = { radius + k * qx * qx, k * qx * qy, k * qx * qy, radius + k * qy * qy };
+  return surface;
+}
 
-  footprint.ux = du_dx * axx + du_dy * axy;
-  footprint.uy = du_dx * axy + du_dy * ayy;
-  footprint.vx = dv_dx * axx + dv_dy * axy;
-  footprint.vy = dv_dx * axy + dv_dy * ayy;
+/* The footprint whose kernel covers `surface` (see cone_on_surface). texels: texel coordinates by Dx(P), Dy(P). Returns
+ * 0 where the UVs have no derivatives or no area. */
+int surface_footprint(Matrix2 surface, Matrix2 texels, output Footprint footprint)
+{
+  float determinant = texels.xx * texels.yy - texels.xy * texels.yx;
+  if (!(abs(determinant) > LEAST_AXES_SINE * hypot(texels.xx, texels.xy) * hypot(texels.yx, texels.yy))) {
+    return 0;
+  }
+  footprint.ux = texels.xx * surface.xx + texels.xy * surface.yx;
+  footprint.uy = texels.xx * surface.xy + texels.xy * surface.yy;
+  footprint.vx = texels.yx * surface.xx + texels.yy * surface.yx;
+  footprint.vy = texels.yx * surface.xy + texels.yy * surface.yy;
 
-  footprint.xu = dv_dy / determinant;
-  footprint.xv = -du_dy / determinant;
-  footprint.yu = -dv_dx / determinant;
-  footprint.yv = du_dx / determinant;
+  footprint.xu = texels.yy / determinant;
+  footprint.xv = -texels.xy / determinant;
+  footprint.yu = -texels.yx / determinant;
+  footprint.yv = texels.xx / determinant;
 
   /* Semi-axes are the singular values. */
   float square_sum = footprint.ux * footprint.ux + footprint.uy * footprint.uy + footprint.vx * footprint.vx +

@@ -138,13 +138,17 @@ int half_vector(vector light, vector shape, float region, NormalFrame frame, Foo
   hint.turn_u2 = dx2 * footprint.xu + dy2 * footprint.yu;
   hint.turn_v2 = dx2 * footprint.xv + dy2 * footprint.yv;
 
-  float turn_u = hypot(hint.turn_u1, hint.turn_u2);
-  float turn_v = hypot(hint.turn_v1, hint.turn_v2);
-  hint.turn = turn_u * hypot(footprint.ux, footprint.uy) + turn_v * hypot(footprint.vx, footprint.vy);
-  hint.reach = hint.turn + turn_u + turn_v;
-  hint.patch_turn = 0.5 * (turn_u + turn_v);
-  hint.ball_growth = forms_norm(hint.f1, hint.f2) + (hint.radius + hint.reach) * length(hint.f3);
+  hint.patch_turn = 0.5 * (hypot(hint.turn_u1, hint.turn_u2) + hypot(hint.turn_v1, hint.turn_v2));
   return hint.patch_turn < LARGEST_TURN;
+}
+
+/* How far slopes turn over a footprint. */
+void turn_over(Footprint footprint, output HalfVector hint)
+{
+  hint.turn = hypot(hint.turn_u1, hint.turn_u2) * hypot(footprint.ux, footprint.uy) +
+              hypot(hint.turn_v1, hint.turn_v2) * hypot(footprint.vx, footprint.vy);
+  hint.reach = hint.turn + 2.0 * hint.patch_turn;
+  hint.ball_growth = forms_norm(hint.f1, hint.f2) + (hint.radius + hint.reach) * length(hint.f3);
 }
 
 /* Whether any normal of a patch can lie in the region around h; in doubt yes. The ball (centre, ball) contains the

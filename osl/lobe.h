@@ -83,7 +83,8 @@ float footprint_scale(HalfVector hints[HINT_COUNT], int hint_count, float area, 
   float spare = 1.0;
   for (int k = 0; k < hint_count; ++k) {
     HalfVector hint = hints[k];
-    float widest = (samples > 1.0 ? SPARE_TURN : FAR_TURN) * hint.radius;
+    /* A little less than counts may turn, whatever rounding does. */
+    float widest = (samples > 1.0 ? SPARE_TURN : 0.999 * FAR_TURN) * hint.radius;
     scale = min(scale, LARGEST_FOOTPRINT_TURN / max(hint.turn, LARGEST_FOOTPRINT_TURN));
     spare = min(spare, widest / max(hint.turn, widest));
   }
@@ -93,26 +94,43 @@ float footprint_scale(HalfVector hints[HINT_COUNT], int hint_count, float area, 
 /* The lobe for colour 1. plain: the closure of the normal at the hit point, which is returned alone where no hinted
  * light can show a glint. lobes: number of lobes that share the closures of a shading point; closure_count: most of one
  * lobe, besides the remainder. lights, shapes: see light_hint.h; low, high: slope bounds of the map, equal if unknown.
+ * is_grid: whether the pixel filter is that of pixel_grid.h; texels: texel coordinates by Dx(P), Dy(P);
  * diffuse_distance: to the diffuse bounce before this point, 0 if there was none. left: why `plain` is returned
  * (counters.h); hint_count: number of hints that some element of the map can reach here. */
 closure color glint_lobe(string distribution, float alpha, int lobes, int closure_count, output Map map,
                          vector low, vector high, NormalFrame frame, Hit hit, vector lights[HINT_COUNT], vector shapes[HINT_COUNT], float samples,
-                         float diffuse_distance, float du_dx, float du_dy, float dv_dx, float dv_dy,
+                         int is_grid, float diffuse_distance, Matrix2 texels,
                          closure color plain, output color counters, output int left, output int hint_count)
 {
   vector dpdx = Dx(P);
   vector dpdy = Dy(P);
-  Footprint footprint;
   float radius = footprint_radius(samples);
   float view_turn = length(Dx(I)) / length(dpdx);
-  if (!ray_footprint(dpdx, dpdy, diffuse_distance > 0.0 ? vector(Ng) : I, Ng, radius, du_dx, du_dy, dv_dx, dv_dy,
-                     footprint)) {
+  Footprint own;
+  if (!surface_footprint(cone_on_surface(dpdx, dpdy, diffuse_distance > 0.0 ? vector(Ng) : I, Ng, radius), texels, own)) {
     left = LEFT_NO_FOOTPRINT;
     return plain;
   }
   if (diffuse_distance > 0.0) {
-    scale_footprint(caustic_scale(footprint, radius * length(dpdx), diffuse_distance), footprint);
+    scale_footprint(caustic_scale(own, radius * length(dpdx), diffuse_distance), own);
     view_turn = 1.0 / diffuse_distance;
+  }
+  /* Whether the pixel grid is used must not depend on the sample's place in it, or light would be gained or lost. So the
+   * widest footprint decides. Counted footprints hold so many elements that the totals' noise costs more. */
+  Footprint footprint = own;
+  PixelGrid grid;
+  grid.is_known = 0;
+  if (is_grid) {
+    grid = grid_here(samples);
+    Matrix2 surface;
+    grid.is_known = grid.is_known && grid_on_surface(grid.widest, grid.widest, surface) &&
+                    surface_footprint(surface, texels, footprint) &&
+                    far_block(map.counts, footprint, FAR_SIDE_FIRST) == 0;
+    int widest_mode = query_mode(footprint, map.visits);
+    grid.is_known = grid.is_known && (widest_mode == MODE_ALL || widest_mode == MODE_POINTS);
+    if (!grid.is_known) {
+      footprint = own;
+    }
   }
   int mode = query_mode(footprint, map.visits);
   if (mode == MODE_SINGLE && !map.is_linear) {
@@ -127,28 +145,22 @@ closure color glint_lobe(string distribution, float alpha, int lobes, int closur
   vector strong_low = low;
   vector strong_high = high;
   strengthened_bounds(map.strength, strong_low, strong_high);
-  for (int k = 0; k < HINT_COUNT && hint_count * lobes + lobes <= HINT_COUNT; ++k) {
+  for (int k = 0; k < HINT_COUNT; ++k) {
     HalfVector hint;
     if (half_vector(lights[k], shapes[k], region, frame, footprint, dpdx, dpdy, view_turn, hint)) {
-      if (!bounded || map_reaches_hint(hint, strong_low, strong_high)) {
-        hints[hint_count] = hint;
-        hint_count += 1;
-      }
+      hints[hint_count] = hint;
+      hint_count += 1;
     }
   }
-  if (hint_count == 0) {
-    left = LEFT_NOT_REACHED;
-    return plain;
-  }
-  float scale = footprint_scale(hints, hint_count, footprint.area, samples);
-  if (scale < 1.0) {
-    scale_footprint(scale, footprint);
+  float total = 1.0;
+  int passes = 1;
+  int is_scaled = 0;
+  for (int pass = 0; pass < passes; ++pass) {
     int kept = 0;
     for (int k = 0; k < hint_count; ++k) {
       HalfVector hint = hints[k];
-      hint.reach -= (1.0 - scale) * hint.turn;
-      hint.turn *= scale;
-      if (!bounded || map_reaches_hint(hint, strong_low, strong_high)) {
+      turn_over(footprint, hint);
+      if (kept * lobes + lobes <= HINT_COUNT && (!bounded || map_reaches_hint(hint, strong_low, strong_high))) {
         hints[kept] = hint;
         kept += 1;
       }
@@ -158,11 +170,31 @@ closure color glint_lobe(string distribution, float alpha, int lobes, int closur
       left = LEFT_NOT_REACHED;
       return plain;
     }
-    mode = query_mode(footprint, map.visits);
-    if (mode == MODE_SINGLE && !map.is_linear) {
-      left = LEFT_WITHIN_TEXEL;
-      return plain;
+    float scale = is_scaled ? 1.0 : footprint_scale(hints, hint_count, footprint.area, samples);
+    if (grid.is_known && scale == 1.0) {
+      Matrix2 surface;
+      grid_on_surface(grid.radius_x, grid.radius_y, surface);
+      surface_footprint(surface, texels, footprint);
+      total = grid.total;
     }
+    else if (grid.is_known) {
+      footprint = own;
+      grid.is_known = 0;
+      passes += 1;
+    }
+    else if (scale < 1.0) {
+      scale_footprint(scale, footprint);
+      is_scaled = 1;
+      passes += 1;
+    }
+  }
+  mode = query_mode(footprint, map.visits);
+  if (mode == MODE_SINGLE && total != 1.0) {
+    mode = MODE_POINTS;
+  }
+  if (mode == MODE_SINGLE && !map.is_linear) {
+    left = LEFT_WITHIN_TEXEL;
+    return plain;
   }
   if (mode == MODE_SINGLE) {
     counters = color(1, 1, mode);
@@ -208,7 +240,7 @@ closure color glint_lobe(string distribution, float alpha, int lobes, int closur
   }
 
   int visited = 0;
-  float total = 1.0;
+  float weights = 1.0;
   Selection s = new_selection(closure_count, lobes, distribution == "ggx", alpha, random[2]);
   s.is_merged = mode == MODE_COUNTS;
   if (mode == MODE_COUNTS) {
@@ -216,14 +248,14 @@ closure color glint_lobe(string distribution, float alpha, int lobes, int closur
                  random, s, visited);
   }
   else if (mode == MODE_INDEX) {
-    total = index_query(map, hints, hint_count, alpha, footprint, hit.u, hit.v, s, visited);
+    weights = index_query(map, hints, hint_count, alpha, footprint, hit.u, hit.v, s, visited);
   }
   else {
-    total = glint_query(map, hints, hint_count, alpha, footprint, mode,
+    weights = glint_query(map, hints, hint_count, alpha, footprint, mode,
                         map.is_linear && samples > 1.0 ? SURE_WEIGHT : 0.0, hit.u, hit.v, random[0], random[1], s,
                         visited);
   }
-  closure color sum = selection_closures(distribution, alpha, hints, s, total, hit.u, hit.v, remainder, closures);
+  closure color sum = selection_closures(distribution, alpha, hints, s, weights / total, hit.u, hit.v, remainder, closures);
   counters = color(visited, closures, mode);
   return sum;
 }

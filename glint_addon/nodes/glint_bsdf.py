@@ -33,9 +33,10 @@ from .map_tables import SCRIPT_NODE, forget_table
 from .script_node import add_script_node, osl_available
 
 NAME = "Glint BSDF"
-VERSION = 12
+VERSION = 13
 LIGHTS_NODE = "Lights"
 CAUSTICS_NODE = "Caustics"
+GRID_NODE = "OnGrid"
 UV_NODE = "UV Map"
 MIX_NODE = "OSL or native"
 WAY_NODE = "OSL renders"
@@ -43,7 +44,7 @@ WIDE_NODE = "Wider than a texel"
 # By nodes alone: the places' own copies of the nodes that read the map, and what chooses between them and plain nodes.
 PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE = "Places Image", "Tangent", "Bitangent"
 KEPT_NORMAL, KEPT_FACETS, OWN_FACETS, PLACES_MIX = "Kept Normal", "Kept Facets", "Own Facets", "Places or plain"
-OSL_NODES = (SCRIPT_NODE, CAUSTICS_NODE, MIX_NODE)
+OSL_NODES = (SCRIPT_NODE, CAUSTICS_NODE, GRID_NODE, MIX_NODE)
 OWN_NODES = (LIGHTS_NODE, UV_NODE, WAY_NODE)
 PLACES_NODES = (*places.NODES, PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL, KEPT_FACETS, OWN_FACETS,
                 WIDE_NODE, PLACES_MIX)
@@ -66,6 +67,18 @@ CAUSTICS = Driven(
     (
         Variable("caustics", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.caustics_reflective"),
         Variable("blur", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.blur_glossy"),
+    ),
+)
+
+# Whether the OSL lobe can follow the grid of pixels (osl/pixel_grid.h): the filter is Blender's own (2 is
+# Blackman-Harris), and the camera rests while a picture is taken and is perspective (0) or orthographic (1).
+PIXEL_GRID = Driven(
+    "1 if filter > 1 and filter < 3 and width > 1.49 and width < 1.51 and blur < 1 and camera < 2 else 0",
+    (
+        Variable("filter", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.pixel_filter_type"),
+        Variable("width", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.filter_width"),
+        Variable("blur", "CONTEXT_PROP", "ACTIVE_SCENE", "render.use_motion_blur"),
+        Variable("camera", "CONTEXT_PROP", "ACTIVE_SCENE", "camera.data.type", 2.0),
     ),
 )
 
@@ -254,9 +267,10 @@ def _add_nodes(group, binding):
     for name in glint_lights.output_names():
         # The shader's names have no spaces: Light1.
         links.append((lights.outputs[name], script.inputs[name.replace(" ", "")]))
-    caustics = add_node(group, "ShaderNodeValue", CAUSTICS_NODE).outputs["Value"]
-    write_number(caustics, CAUSTICS)
-    links.append((caustics, script.inputs["Caustics"]))
+    for name, number in ((CAUSTICS_NODE, CAUSTICS), (GRID_NODE, PIXEL_GRID)):
+        value = add_node(group, "ShaderNodeValue", name).outputs["Value"]
+        write_number(value, number)
+        links.append((value, script.inputs[name]))
 
     # Without OSL the Script node vanishes and the factor takes its own value, 0: by nodes. Cycles knows a product with
     # 0 before the render, so that only one of both ways is compiled.

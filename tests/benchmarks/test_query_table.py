@@ -133,6 +133,10 @@ def test_the_experiments_have_the_shaders_constants():
     law = constants("footprint.h")
     assert law["FOOTPRINT_SCALE"] == footprint_law.SCALE == query_scene.FOOTPRINT_RADIUS
     assert law["FOOTPRINT_EXPONENT"] == footprint_law.EXPONENT
+    grid = constants("pixel_grid.h")
+    names = ("GRID_FIRST", "GRID_ROUND", "GRID_MEAN_2", "GRID_MEAN_4")
+    assert [grid[name] for name in names] == [getattr(footprint_law, name) for name in names]
+    assert footprint_law.grid_numbers().shape == (5, grid["GRID_COUNTS"])
 
 
 @pytest.mark.parametrize("spp", [1, 16, 64])

@@ -20,7 +20,7 @@ NUMBERS = tuple(socket for socket in SETTINGS if socket.kind == "NodeSocketFloat
 SCRIPT_INPUTS = {VECTOR.name: "UV"}  # where the shader's input has another name than the socket
 # The group as its version made it. Where it changes, raise VERSION in glint_addon/nodes/glint_bsdf.py and put the new
 # digest here: groups of saved files are brought up to date only if their version is another.
-BUILT = (12, "71ba43ef1c8b5992", "4fa00392f8e1983c")
+BUILT = (13, "1fa958619dd580c4", "da1ae9ed61632c24")
 # Of 32-bit floats that Blender stores.
 STEP = 1e-6
 

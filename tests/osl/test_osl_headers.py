@@ -90,8 +90,10 @@ def test_strength_scales_slopes_as_in_the_normal_map_node():
 
 FOOTPRINT_BODY = """
   Footprint f;
-  out[0] = ray_footprint(vector(in[0], in[1], in[2]), vector(in[3], in[4], in[5]), vector(in[6], in[7], in[8]),
-                         vector(in[9], in[10], in[11]), in[12], in[13], in[14], in[15], in[16], f);
+  Matrix2 surface = cone_on_surface(vector(in[0], in[1], in[2]), vector(in[3], in[4], in[5]),
+                                    vector(in[6], in[7], in[8]), vector(in[9], in[10], in[11]), in[12]);
+  Matrix2 texels = { in[13], in[14], in[15], in[16] };
+  out[0] = surface_footprint(surface, texels, f);
   if (out[0] != 0) {
     out[1] = f.ux; out[2] = f.uy; out[3] = f.vx; out[4] = f.vy;
     out[5] = f.xu; out[6] = f.xv; out[7] = f.yu; out[8] = f.yv;
@@ -101,7 +103,7 @@ FOOTPRINT_BODY = """
 
 
 def cones(rng, count, least_cosine):
-    """Random ray cones on surfaces: arguments of ray_footprint; cosines of view and normal from `least_cosine` to 1."""
+    """Random ray cones: arguments of the twin's ray_footprint; cosines of view and normal from `least_cosine` to 1."""
     normal = unit(rng.normal(size=(count, 3)))
     first = unit(np.cross(normal, rng.normal(size=(count, 3))))
     second = np.cross(normal, first)
@@ -120,14 +122,12 @@ def test_the_footprint_of_a_ray_cone():
     inputs, arguments = packed(*cones(rng, ROWS, 0.01))
     jacobian = inputs[:, 13:].reshape(-1, 2, 2).astype(float)
     inputs[:20, 13:] = 0  # no UV derivatives: no footprint
-    inputs[20:40, :6] = 0  # no ray cone: no footprint either
     for column, argument in zip(range(13, 17), arguments[5:], strict=True):
         argument[:20] = inputs[:20, column]
-    arguments[0][20:40] = arguments[1][20:40] = 0
     osl = evaluate(("footprint.h",), FOOTPRINT_BODY, inputs, 12).astype(float)
     valid, twin = footprint.ray_footprint(*arguments)
     np.testing.assert_array_equal(osl[:, 0] != 0, valid)
-    assert not valid[:40].any() and valid[40:].all()
+    assert not valid[:20].any() and valid[20:].all()
 
     # The determinant cancels by the condition of the UVs, the cosine by its own smallness.
     expected = np.stack([getattr(twin, name) for name in footprint.FIELDS], axis=1)[valid]
@@ -227,6 +227,9 @@ HALF_VECTOR_BODY = """
   HalfVector hint;
   out[0] = half_vector(vector(in[31], in[32], in[33]), vector(in[34], in[35], 0), in[36], frame, f,
                        vector(in[37], in[38], in[39]), vector(in[40], in[41], in[42]), in[43], hint);
+  if (out[0] != 0) {
+    turn_over(f, hint);
+  }
   vector results[7] = { hint.h, hint.t1, hint.t2, hint.f1, hint.f2, hint.f3,
                         vector(hint.turn_u1, hint.turn_v1, hint.turn_u2) };
   for (int k = 0; k < 21; ++k) {

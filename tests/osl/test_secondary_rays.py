@@ -16,7 +16,7 @@ from demo_scenes.measure import luminance
 from demo_scenes.truth import truth_material
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.nodes.driven import driver_curve
-from glint_addon.nodes.glint_bsdf import CAUSTICS_NODE, WAY_NODE, build, refresh
+from glint_addon.nodes.glint_bsdf import CAUSTICS_NODE, GRID_NODE, WAY_NODE, build, refresh
 from tests.helpers import cycles
 from tests.helpers.old_group import make_old
 from tests.helpers.seeds import rendered_seeds
@@ -203,15 +203,16 @@ def test_the_switch_of_caustics_follows_the_scene_that_is_rendered(change, expec
             assert switch.default_value == value
 
 
-def test_a_group_of_an_older_version_gets_the_switch_and_one_driver(scene):
+def test_a_group_of_an_older_version_gets_the_switches_and_a_driver_each(scene):
     group = build()
     group.nodes.remove(group.nodes[CAUSTICS_NODE])
     for _ in range(2):
         make_old(group)
         refresh(group)
-        curves = [driver_curve(group.nodes[name].outputs["Value"]) for name in (CAUSTICS_NODE, WAY_NODE)]
+        curves = [driver_curve(group.nodes[name].outputs["Value"]) for name in (CAUSTICS_NODE, WAY_NODE, GRID_NODE)]
         drivers = list(group.animation_data.drivers)
-        assert len(drivers) == 2 and all(curve in drivers and len(curve.driver.variables) == 2 for curve in curves)
+        assert len(drivers) == 3 and all(curve in drivers for curve in curves)
+        assert [len(curve.driver.variables) for curve in curves] == [2, 2, 4]
 
 
 def fog(material):

@@ -38,26 +38,28 @@ def footprint_radius(samples):
     return FOOTPRINT_SCALE * np.maximum(samples, 1.0) ** -FOOTPRINT_EXPONENT
 
 
-def ray_footprint(dpdx, dpdy, view, geometric_normal, radius, du_dx, du_dy, dv_dx, dv_dy):
-    """Validity (n,) bool and Footprint of a ray cone; computed by matrices, where OSL has the closed form.
+def cone_on_surface(dpdx, dpdy, view, geometric_normal, radius):
+    """Kernel coordinates -> surface (n, 2, 2) in units of dpdx and dpdy, for ray cones of `radius` pixels.
 
-    dpdx, dpdy: orthogonal vectors of the cone's radius on the surface; du_dx ...: texels per dpdx, dpdy.
+    The stretch is the square root of 1 + q q^T, through its eigenvectors, where OSL has the closed form.
     """
     cone = np.linalg.norm(dpdx, axis=-1)
-    jacobian = np.stack([np.stack([du_dx, du_dy], -1), np.stack([dv_dx, dv_dy], -1)], -2).astype(float)
-    lengths = np.linalg.norm(jacobian, axis=-1).prod(axis=-1)
-    valid = (cone > 0) & (np.abs(np.linalg.det(jacobian)) > LEAST_AXES_SINE * lengths)
-    jacobian[~valid] = np.eye(2)
-    cone = np.where(valid, cone, 1.0)
-
-    # Stretch by the square root of 1 + q q^T, through its eigenvectors.
     cosine = np.maximum(np.abs(np.einsum("nk,nk->n", view, geometric_normal)), LEAST_COSINE)
     q = np.stack([np.einsum("nk,nk->n", view, dpdx), np.einsum("nk,nk->n", view, dpdy)], -1) / (cone * cosine)[:, None]
     values, vectors = np.linalg.eigh(np.eye(2) + q[:, :, None] * q[:, None, :])
     stretch = np.einsum("nij,nj,nkj->nik", vectors, np.sqrt(values), vectors)
-    axes = jacobian @ stretch * np.broadcast_to(radius, cone.shape)[:, None, None]
+    return stretch * np.broadcast_to(radius, cone.shape)[:, None, None]
 
-    inverse = np.linalg.inv(jacobian)
+
+def surface_footprint(surface, texels):
+    """Validity (n,) bool and Footprint of kernels that cover `surface` (n, 2, 2); texels: (n, 2, 2) texel coordinates
+    by the units of `surface`."""
+    texels = np.array(texels, float)
+    lengths = np.linalg.norm(texels, axis=-1).prod(axis=-1)
+    valid = np.abs(np.linalg.det(texels)) > LEAST_AXES_SINE * lengths
+    texels[~valid] = np.eye(2)
+    axes = texels @ surface
+    inverse = np.linalg.inv(texels)
     singular = np.linalg.svd(axes, compute_uv=False)
     area = np.pi * singular[:, 0] * singular[:, 1]
     valid = valid & (singular[:, 0] < 1e9) & (area > 0)
@@ -66,6 +68,15 @@ def ray_footprint(dpdx, dpdy, view, geometric_normal, radius, du_dx, du_dy, dv_d
         inverse[:, 0, 0], inverse[:, 0, 1], inverse[:, 1, 0], inverse[:, 1, 1],
         area, singular[:, 0], singular[:, 1],
     )
+
+
+def ray_footprint(dpdx, dpdy, view, geometric_normal, radius, du_dx, du_dy, dv_dx, dv_dy):
+    """Validity (n,) bool and Footprint of a ray cone.
+
+    dpdx, dpdy: orthogonal vectors of the cone's radius on the surface; du_dx ...: texels per dpdx, dpdy.
+    """
+    texels = np.stack([np.stack([du_dx, du_dy], -1), np.stack([dv_dx, dv_dy], -1)], -2)
+    return surface_footprint(cone_on_surface(dpdx, dpdy, view, geometric_normal, radius), texels)
 
 
 def footprint_ellipse(axes, wide):

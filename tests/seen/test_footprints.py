@@ -29,8 +29,8 @@ SHADER = """
 shader axes(point UV = point(0), output color Result = color(0))
 {{
   Footprint footprint;
-  if (ray_footprint(Dx(P), Dy(P), I, Ng, footprint_radius({samples}), Dx(UV[0]) * {width}, Dy(UV[0]) * {width},
-                    Dx(UV[1]) * {height}, Dy(UV[1]) * {height}, footprint)) {{
+  Matrix2 texels = {{ {width} * Dx(UV[0]), {width} * Dy(UV[0]), {height} * Dx(UV[1]), {height} * Dy(UV[1]) }};
+  if (surface_footprint(cone_on_surface(Dx(P), Dy(P), I, Ng, footprint_radius({samples})), texels, footprint)) {{
     Result = color(footprint.short_axis, footprint.long_axis, 1);
   }}
 }}
