@@ -25,7 +25,7 @@ def _names(file, prefix):
     return {int(value): name for name, value in lines}
 
 
-MODES = _names("query.h", "MODE_")  # how the query went, PLAIN: there was none
+MODES = _names("counters.h", "MODE_")  # how the query went, PLAIN: there was none
 REASONS = _names("counters.h", "LEFT_")  # why a sample left early, NOT: it did not
 
 

@@ -1,3 +1,4 @@
+#pragma once
 /* The 3D checker sin(x) sin(y) sin(z) < 0, and its mean over an elliptic Gaussian on the surface. */
 
 /* A footprint below this many radians (largest standard deviation along x, y, z) is averaged over points, and a larger

@@ -1,5 +1,9 @@
+#pragma once
 /* Maps that do not repeat (Extend, Clip, Mirror): outside such a map, and where a footprint meets the map's edge, the
  * answer is that of Blender's own nodes, with their noise. */
+
+#include "footprint.h"
+#include "map.h"
 
 /* Texels by which elements of a footprint may reach beyond it: a bilinear patch reaches half a texel beyond its
  * middle. */

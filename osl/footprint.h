@@ -1,3 +1,4 @@
+#pragma once
 /* The footprint of one sample: the ellipse of texels around the hit point whose glints the sample shows. */
 
 /* Footprint radius in pixels = scale / samples^exponent. A wide footprint blurs the pixel filter (error ~ radius^2),

@@ -1,3 +1,4 @@
+#pragma once
 /* Mip-mapped look-ups in the atlas that glint_addon/bake/pyramid.py writes; the layout is described there. */
 
 #define PYRAMID_MAGIC 5344.0
@@ -99,15 +100,23 @@ color level_color(string file, Pyramid pyramid, int level, int row, float s, flo
   return result;
 }
 
-/* Mean of the image over an elliptic Gaussian around (s, t), by trilinear taps along its long axis.
- * long_s, long_t: one standard deviation along the long axis, in texture units; long_std, short_std: its standard
- * deviations in texels. After McCormack et al., "Feline: Fast Elliptical Lines for Anisotropic Texture Mapping",
- * SIGGRAPH 1999; we choose levels so that variances add up to the footprint's. */
-color filtered_color(string file, Pyramid pyramid, float s, float t, float long_s, float long_t, float long_std,
-                     float short_std, output float alpha)
+/* An elliptic Gaussian over the image. */
+struct Gaussian {
+  float s; /* its middle, in texture units */
+  float t;
+  float long_s; /* one standard deviation along its long axis, in texture units */
+  float long_t;
+  float long_std; /* its standard deviations in texels */
+  float short_std;
+};
+
+/* Mean of the image over a Gaussian, by trilinear taps along its long axis. After McCormack et al., "Feline: Fast
+ * Elliptical Lines for Anisotropic Texture Mapping", SIGGRAPH 1999; we choose levels so that variances add up to the
+ * footprint's. */
+color filtered_color(string file, Pyramid pyramid, Gaussian over, output float alpha)
 {
   /* Choose the level whose tap is as wide as the short axis. */
-  float wanted = max(max(short_std, long_std / MAX_ANISOTROPY), 1e-6);
+  float wanted = max(max(over.short_std, over.long_std / MAX_ANISOTROPY), 1e-6);
   float depth = clamp(log2(wanted / TAP_STD), 0.0, float(pyramid.level_count - 1));
   int fine = min(int(depth), max(pyramid.level_count - 2, 0));
   float coarse_share = min(depth - fine, 1.0);
@@ -117,9 +126,9 @@ color filtered_color(string file, Pyramid pyramid, float s, float t, float long_
 
   /* Spread taps so that the variance of their places and of one tap add up to the long axis's. */
   float tap_std = TAP_STD * pow(2.0, depth);
-  float spread = sqrt(max(long_std * long_std - tap_std * tap_std, 0.0));
+  float spread = sqrt(max(over.long_std * over.long_std - tap_std * tap_std, 0.0));
   int half_count = int(ceil(TAP_REACH * spread / (TAP_SPACING * tap_std) - 0.25));
-  float stretch = long_std > 0.0 ? spread / long_std : 0.0;
+  float stretch = over.long_std > 0.0 ? spread / over.long_std : 0.0;
 
   color total = 0.0;
   float total_alpha = 0.0;
@@ -127,8 +136,8 @@ color filtered_color(string file, Pyramid pyramid, float s, float t, float long_
   for (int tap = -half_count; tap <= half_count; ++tap) {
     float offset = half_count > 0 ? TAP_REACH * tap / half_count : 0.0;
     float weight = exp(-0.5 * offset * offset);
-    float tap_s = s + offset * stretch * long_s;
-    float tap_t = t + offset * stretch * long_t;
+    float tap_s = over.s + offset * stretch * over.long_s;
+    float tap_t = over.t + offset * stretch * over.long_t;
     float tap_alpha;
     color tap_color = level_color(file, pyramid, fine, fine_row, tap_s, tap_t, tap_alpha);
     if (coarse_share > 0.0) {

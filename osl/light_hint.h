@@ -1,5 +1,9 @@
+#pragma once
 /* Half vectors of the hinted lights. A hint says where a small light is, and a facet whose normal lies within the
  * region around the light's half vector shows a glint of that light. */
+
+#include "footprint.h"
+#include "normal_frame.h"
 
 #define HINT_COUNT 8
 #define HINT_NONE 0.0
@@ -85,9 +89,11 @@ int shines_here(vector light, vector shape, vector axis)
   return cone >= M_PI || dot(l, axis) > distance * cos(cone);
 }
 
-/* Half vector of one hint at the shading point. Returns 0 if the hint is not used here. */
-int half_vector(vector light, vector shape, float region, NormalFrame frame, Footprint footprint,
-                vector dpdx, vector dpdy, float view_turn, output HalfVector hint)
+/* Half vector of one hint at the shading point; region: radius of a facet's lobe (slope), view_turn: of the view per
+ * metre along the surface (radians). Returns 0 if the hint is not used here. turn_over gives what depends on the
+ * footprint's size. */
+int half_vector(vector light, vector shape, float region, NormalFrame frame, Footprint footprint, float view_turn,
+                output HalfVector hint)
 {
   if (shape[0] == HINT_NONE) {
     return 0;
@@ -127,6 +133,8 @@ int half_vector(vector light, vector shape, float region, NormalFrame frame, Foo
    * vector: d(l + I) = -(across l / its distance) - (across I / its distance). */
   vector turn_dx = hint.f3[0] * frame.tangent_dx + hint.f3[1] * frame.bitangent_dx + hint.f3[2] * frame.upright_dx;
   vector turn_dy = hint.f3[0] * frame.tangent_dy + hint.f3[1] * frame.bitangent_dy + hint.f3[2] * frame.upright_dy;
+  vector dpdx = frame.dpdx;
+  vector dpdy = frame.dpdy;
   turn_dx += (light_turn * (dpdx - dot(dpdx, l) * l) + view_turn * (dpdx - dot(dpdx, I) * I)) / sum_length;
   turn_dy += (light_turn * (dpdy - dot(dpdy, l) * l) + view_turn * (dpdy - dot(dpdy, I) * I)) / sum_length;
   float dx1 = dot(turn_dx, hint.t1);
@@ -149,17 +157,6 @@ void turn_over(Footprint footprint, output HalfVector hint)
               hypot(hint.turn_v1, hint.turn_v2) * hypot(footprint.vx, footprint.vy);
   hint.reach = hint.turn + 2.0 * hint.patch_turn;
   hint.ball_growth = forms_norm(hint.f1, hint.f2) + (hint.radius + hint.reach) * length(hint.f3);
-}
-
-/* Whether any normal of a patch can lie in the region around h; in doubt yes. The ball (centre, ball) contains the
- * patch's normals; the offset is that of the patch's middle. */
-int hint_reaches_ball(HalfVector hint, vector centre, float ball, float offset_u, float offset_v)
-{
-  float along = dot(centre, hint.f3);
-  float x1 = dot(centre, hint.f1) + along * (offset_u * hint.turn_u1 + offset_v * hint.turn_v1);
-  float x2 = dot(centre, hint.f2) + along * (offset_u * hint.turn_u2 + offset_v * hint.turn_v2);
-  float limit = (hint.radius + hint.patch_turn) * along + ball * hint.ball_growth;
-  return limit > 0.0 && x1 * x1 + x2 * x2 < limit * limit;
 }
 
 /* Whether any normal whose slope lies between low and high can lie in the region around h. All normals of that box are

@@ -1,261 +1,243 @@
+#pragma once
 /* The glint lobe of one shading point: closures of the selected elements, and the remainder. The remainder is one
  * normal drawn at random from the footprint, the normal at the hit point, unless that normal is among the selected
- * elements: it stands for all elements that are not selected. */
+ * elements: it stands for all elements that are not selected. One is enough: decision 13. */
 
-/* The bilinear patch around the hit point; Linear only. */
-Patch hit_patch(output Map map, Hit hit)
+#include "closures.h"
+#include "counts.h"
+#include "pixel_grid.h"
+#include "slope_index.h"
+
+/* A material that allows so few visits uses no counts, which would take longer: decision 8. */
+#define COUNTS_VISITS 512
+
+/* How the shading point is seen. */
+struct View {
+  float samples; /* a pixel */
+  int on_grid;   /* whether the pixel filter is that of pixel_grid.h, and the camera rests */
+  float diffuse_distance; /* metres to the diffuse bounce before this point; 0: there was none */
+  Matrix2 texels; /* texel coordinates by Dx(P), Dy(P) */
+};
+
+/* The scene's lights: see light_hint.h. */
+struct Lights {
+  vector place[HINT_COUNT];
+  vector shape[HINT_COUNT];
+};
+
+/* The round footprint of a sample. Returns 0 where the UVs have no derivatives. */
+int round_footprint(View view, output Footprint footprint)
 {
-  return map_patch(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
+  float radius = footprint_radius(view.samples);
+  vector towards = view.diffuse_distance > 0.0 ? vector(Ng) : I;
+  if (!surface_footprint(cone_on_surface(Dx(P), Dy(P), towards, Ng, radius), view.texels, footprint)) {
+    return 0;
+  }
+  if (view.diffuse_distance > 0.0) {
+    scale_footprint(caustic_scale(footprint, radius * length(Dx(P)), view.diffuse_distance), footprint);
+  }
+  return 1;
 }
 
-/* The map at UV coordinates, which are reduced to one repeat first, because large UVs would lose precision. */
-Hit map_hit(output Map map, point uv)
+/* The footprint on the pixel grid. Whether it is used must not depend on the sample's place in the grid, or light would
+ * be gained or lost: so the widest footprint, which is returned, decides. Counted footprints hold so many elements that
+ * the noise of the totals costs more. */
+int grid_footprint(View view, Map map, output PixelGrid grid, output Footprint widest)
 {
-  Hit hit;
-  hit.u = (uv[0] - floor(uv[0])) * map.width - (map.is_linear ? 0.5 : 0.0);
-  hit.v = (uv[1] - floor(uv[1])) * map.height - (map.is_linear ? 0.5 : 0.0);
-  hit.i = floor(hit.u);
-  hit.j = floor(hit.v);
-  if (!map.is_linear) {
-    hit.unscaled = unscaled_normal(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
+  Matrix2 surface;
+  if (!view.on_grid) {
+    return 0;
   }
-  else if (hit.i >= 0 && hit.j >= 0 && hit.i + 1 < map.width && hit.j + 1 < map.height) {
-    map.fetches += 1;
-    hit.unscaled = table_between(map.table, map.inverse_padded_width, map.inverse_padded_height, hit.u + 0.5,
-                                 hit.v + 0.5);
+  grid = grid_here(view.samples);
+  if (!grid.is_known || !grid_on_surface(grid.widest, grid.widest, surface) ||
+      !surface_footprint(surface, view.texels, widest)) {
+    return 0;
   }
-  else {
-    /* Interpolate across the map's edge from four texels, because the padded table continues with other values. */
-    Map plain = map;
-    plain.strength = 1.0;
-    plain.kept = 0;
-    hit.unscaled = patch_normal(hit_patch(plain, hit), hit.u - hit.i, hit.v - hit.j);
-    map.fetches = plain.fetches;
-  }
-  hit.n = strengthened(hit.unscaled, map.strength);
-  return hit;
+  int mode = query_mode(widest, map.visits);
+  return (mode == MODE_ALL || mode == MODE_POINTS) && far_block(map.counts, widest, FAR_SIDE_FIRST) == 0;
 }
 
-/* Closure of a footprint smaller than a texel (Linear): slopes vary linearly within it, so one closure is enough. */
-closure color patch_closure(string distribution, float alpha, Patch patch, Hit hit, NormalFrame frame,
-                            Footprint footprint, HalfVector hint)
-{
-  HalfVector around = hint;
-  around.h = normalize(frame_to_world(frame, hit.n));
-  slope_axes(frame, around);
-  PatchSlopes slopes;
-  patch_slopes(around, patch, hit.i - hit.u, hit.j - hit.v, slopes);
-  float deviation = sqrt(KERNEL_VARIANCE);
-  PatchPart part = { hit.u - hit.i, hit.v - hit.j, deviation * footprint.ux, deviation * footprint.vx,
-                     deviation * footprint.uy, deviation * footprint.vy };
-  SlopeMoments m = { 0.0, 0.0, 0.0, 0.0, 0.0 };
-  patch_covariance(slopes, part, m);
-  return glint_closure(distribution, around, alpha, m);
-}
-
-/* Sum of the closures of a selection and of the remainder. total: the sum to which the selection's weights are
- * relative. */
-closure color selection_closures(string distribution, float alpha, HalfVector hints[HINT_COUNT], Selection s, float total,
-                                 float seed_1, float seed_2, closure color remainder, output int closures)
-{
-  closure color sum = remainder;
-  for (int k = 0; k < min(s.count, s.limit); ++k) {
-    float w = total > 0.0 ? roulette(s.weight[k] * s.sum[k] / (s.importance[k] * total), seed_1, seed_2, k) : 0.0;
-    if (w > 0.0) {
-      HalfVector hint = hints[s.hint[k]];
-      SlopeMoments m = { s.p1[k], s.p2[k], s.c11[k], s.c12[k], s.c22[k] };
-      if (s.is_merged) {
-        w *= merged_reflection(hint, alpha, m);
-      }
-      /* Add in this order: Cycles flattens sum + x only 16 deep and drops the rest. */
-      sum = w * glint_closure(distribution, hint, alpha, m) + sum;
-      closures += 1;
-    }
-  }
-  return sum;
-}
-
-/* By how much to make a footprint smaller, 0..1: its turn is limited to LARGEST_FOOTPRINT_TURN, and to SPARE_TURN where
- * it has more than LARGEST_VISIT elements. */
-float footprint_scale(HalfVector hints[HINT_COUNT], int hint_count, float area, float samples)
+/* By how much to make a query's footprint smaller, 0..1: its turn is limited to LARGEST_FOOTPRINT_TURN, and to
+ * SPARE_TURN where it has more than LARGEST_VISIT elements. */
+float footprint_scale(Query query, float samples)
 {
   float scale = 1.0;
   float spare = 1.0;
-  for (int k = 0; k < hint_count; ++k) {
-    HalfVector hint = hints[k];
+  for (int k = 0; k < query.hint_count; ++k) {
     /* A little less than counts may turn, whatever rounding does. */
-    float widest = (samples > 1.0 ? SPARE_TURN : 0.999 * FAR_TURN) * hint.radius;
-    scale = min(scale, LARGEST_FOOTPRINT_TURN / max(hint.turn, LARGEST_FOOTPRINT_TURN));
-    spare = min(spare, widest / max(hint.turn, widest));
+    float widest = (samples > 1.0 ? SPARE_TURN : 0.999 * FAR_TURN) * query.hints[k].radius;
+    scale = min(scale, LARGEST_FOOTPRINT_TURN / max(query.hints[k].turn, LARGEST_FOOTPRINT_TURN));
+    spare = min(spare, widest / max(query.hints[k].turn, widest));
   }
+  float area = query.footprint.area;
   return area > LARGEST_VISIT ? min(scale, max(spare, sqrt(LARGEST_VISIT / area))) : scale;
 }
 
-/* The lobe for colour 1. plain: the closure of the normal at the hit point, which is returned alone where no hinted
- * light can show a glint. lobes: number of lobes that share the closures of a shading point; closure_count: most of one
- * lobe, besides the remainder. lights, shapes: see light_hint.h; low, high: slope bounds of the map, equal if unknown.
- * is_grid: whether the pixel filter is that of pixel_grid.h; texels: texel coordinates by Dx(P), Dy(P);
- * diffuse_distance: to the diffuse bounce before this point, 0 if there was none. left: why `plain` is returned
- * (counters.h); hint_count: number of hints that some element of the map can reach here. */
-closure color glint_lobe(string distribution, float alpha, int lobes, int closure_count, output Map map,
-                         vector low, vector high, NormalFrame frame, Hit hit, vector lights[HINT_COUNT], vector shapes[HINT_COUNT], float samples,
-                         int is_grid, float diffuse_distance, Matrix2 texels,
-                         closure color plain, output color counters, output int left, output int hint_count)
+/* Give the query the half vectors of all lights that can make glints here. */
+void add_hints(Lights lights, NormalFrame frame, View view, output Query query)
 {
-  vector dpdx = Dx(P);
-  vector dpdy = Dy(P);
-  float radius = footprint_radius(samples);
-  float view_turn = length(Dx(I)) / length(dpdx);
-  Footprint own;
-  if (!surface_footprint(cone_on_surface(dpdx, dpdy, diffuse_distance > 0.0 ? vector(Ng) : I, Ng, radius), texels, own)) {
-    left = LEFT_NO_FOOTPRINT;
-    return plain;
-  }
-  if (diffuse_distance > 0.0) {
-    scale_footprint(caustic_scale(own, radius * length(dpdx), diffuse_distance), own);
-    view_turn = 1.0 / diffuse_distance;
-  }
-  /* Whether the pixel grid is used must not depend on the sample's place in it, or light would be gained or lost. So the
-   * widest footprint decides. Counted footprints hold so many elements that the totals' noise costs more. */
-  Footprint footprint = own;
-  PixelGrid grid;
-  grid.is_known = 0;
-  if (is_grid) {
-    grid = grid_here(samples);
-    Matrix2 surface;
-    grid.is_known = grid.is_known && grid_on_surface(grid.widest, grid.widest, surface) &&
-                    surface_footprint(surface, texels, footprint) &&
-                    far_block(map.counts, footprint, FAR_SIDE_FIRST) == 0;
-    int widest_mode = query_mode(footprint, map.visits);
-    grid.is_known = grid.is_known && (widest_mode == MODE_ALL || widest_mode == MODE_POINTS);
-    if (!grid.is_known) {
-      footprint = own;
-    }
-  }
-  int mode = query_mode(footprint, map.visits);
-  if (mode == MODE_SINGLE && !map.is_linear) {
-    left = LEFT_WITHIN_TEXEL;
-    return plain;
-  }
-
-  /* Keep the hints that some normal of the map can reach here. */
-  HalfVector hints[HINT_COUNT];
-  float region = REGION * alpha;
-  int bounded = high[0] > low[0] || high[1] > low[1];
-  vector strong_low = low;
-  vector strong_high = high;
-  strengthened_bounds(map.strength, strong_low, strong_high);
+  float view_turn = view.diffuse_distance > 0.0 ? 1.0 / view.diffuse_distance : length(Dx(I)) / length(Dx(P));
+  query.hint_count = 0;
   for (int k = 0; k < HINT_COUNT; ++k) {
     HalfVector hint;
-    if (half_vector(lights[k], shapes[k], region, frame, footprint, dpdx, dpdy, view_turn, hint)) {
-      hints[hint_count] = hint;
-      hint_count += 1;
+    if (half_vector(lights.place[k], lights.shape[k], REGION * query.facet.alpha, frame, query.footprint, view_turn,
+                    hint)) {
+      query.hints[query.hint_count] = hint;
+      query.hint_count += 1;
     }
   }
-  float total = 1.0;
-  int passes = 1;
-  int is_scaled = 0;
-  for (int pass = 0; pass < passes; ++pass) {
-    int kept = 0;
-    for (int k = 0; k < hint_count; ++k) {
-      HalfVector hint = hints[k];
-      turn_over(footprint, hint);
-      if (kept * lobes + lobes <= HINT_COUNT && (!bounded || map_reaches_hint(hint, strong_low, strong_high))) {
-        hints[kept] = hint;
-        kept += 1;
-      }
-    }
-    hint_count = kept;
-    if (hint_count == 0) {
-      left = LEFT_NOT_REACHED;
-      return plain;
-    }
-    float scale = is_scaled ? 1.0 : footprint_scale(hints, hint_count, footprint.area, samples);
-    if (grid.is_known && scale == 1.0) {
-      Matrix2 surface;
-      grid_on_surface(grid.radius_x, grid.radius_y, surface);
-      surface_footprint(surface, texels, footprint);
-      total = grid.total;
-    }
-    else if (grid.is_known) {
-      footprint = own;
-      grid.is_known = 0;
-      passes += 1;
-    }
-    else if (scale < 1.0) {
-      scale_footprint(scale, footprint);
-      is_scaled = 1;
-      passes += 1;
-    }
-  }
-  mode = query_mode(footprint, map.visits);
-  if (mode == MODE_SINGLE && total != 1.0) {
-    mode = MODE_POINTS;
-  }
-  if (mode == MODE_SINGLE && !map.is_linear) {
-    left = LEFT_WITHIN_TEXEL;
-    return plain;
-  }
-  if (mode == MODE_SINGLE) {
-    counters = color(1, 1, mode);
-    left = LEFT_WITHIN_TEXEL;
-    return patch_closure(distribution, alpha, hit_patch(map, hit), hit, frame, footprint, hints[0]);
-  }
+}
 
-  /* Choose between the counts, the index and visits. The remainder is one normal: more would gain nothing: decision
-   * 13. */
+/* Keep the hints that some normal of the map can reach within the footprint. */
+void keep_reached(Map map, output Query query)
+{
+  int bounded = map.high[0] > map.low[0] || map.high[1] > map.low[1];
+  vector low = map.low;
+  vector high = map.high;
+  strengthened_bounds(map.strength, low, high);
+  int kept = 0;
+  for (int k = 0; k < query.hint_count; ++k) {
+    HalfVector hint = query.hints[k];
+    turn_over(query.footprint, hint);
+    if (!bounded || map_reaches_hint(hint, low, high)) {
+      query.hints[kept] = hint;
+      kept += 1;
+    }
+  }
+  query.hint_count = kept;
+}
+
+/* Choose the query's footprint and the hints that matter within it. Returns the total that it stands for: see
+ * pixel_grid.h. */
+float fit_footprint(Lights lights, NormalFrame frame, View view, Map map, output Query query)
+{
+  PixelGrid grid;
+  Footprint widest;
+  Footprint own = query.footprint;
+  int is_grid = grid_footprint(view, map, grid, widest);
+  if (is_grid) {
+    query.footprint = widest;
+  }
+  add_hints(lights, frame, view, query);
+  /* Make the footprint smaller until it turns little enough, and keep what it then reaches. The loop calls keep_reached
+   * at one place only, because OSL compiles each call of a function anew. */
+  int is_scaled = 0;
+  for (int is_done = 0; !is_done;) {
+    keep_reached(map, query);
+    float scale = is_scaled ? 1.0 : footprint_scale(query, view.samples);
+    is_done = scale == 1.0 || query.hint_count == 0;
+    if (is_grid && !is_done) {
+      query.footprint = own;
+      is_grid = 0;
+    }
+    else if (!is_done) {
+      Footprint footprint = query.footprint;
+      scale_footprint(scale, footprint);
+      query.footprint = footprint;
+      is_scaled = 1;
+    }
+  }
+  if (!is_grid) {
+    return 1.0;
+  }
+  Matrix2 surface;
+  grid_on_surface(grid.radius_x, grid.radius_y, surface);
+  surface_footprint(surface, view.texels, widest);
+  query.footprint = widest;
+  return grid.total;
+}
+
+/* Closure of a footprint smaller than a texel (Linear): slopes vary linearly within it, so one closure is enough. */
+closure color patch_closure(Query query, output Map map, Hit hit, NormalFrame frame)
+{
+  HalfVector around = query.hints[0];
+  around.h = normalize(frame_to_world(frame, hit.n));
+  slope_axes(frame, around);
+  float deviation = sqrt(KERNEL_VARIANCE);
+  PatchPart part = { hit.u - hit.i, hit.v - hit.j, deviation * query.footprint.ux, deviation * query.footprint.vx,
+                     deviation * query.footprint.uy, deviation * query.footprint.vy };
+  SlopeLobe lobe = { 1.0, 0.0, 0.0, 0.0, 0.0, 0.0 };
+  spread_over_part(around, map_patch(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height)), part, lobe);
+  return glint_closure(query.facet, around, lobe);
+}
+
+/* Select the elements of a footprint wider than one element, in the way that `mode` asks for, or by counts or index
+ * where these serve. is_selected: whether the hit is among them. Returns the sum to which the selected weights are
+ * relative. */
+float select_elements(output Map map, Query query, Hit hit, View view, output int mode, output Selection s,
+                      output int is_selected)
+{
   Level level;
   Cells cells[HINT_COUNT];
-  vector random = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
-  int is_selected = 0;
   /* Try the counts, then the index, then, before a random subset, counts of wider blocks. The loop calls counts_serve
    * at one place only, because OSL compiles each call of a function anew. */
   int is_searched = mode == MODE_ALL || mode == MODE_SUBSET;
   float widest = FAR_SIDE_FIRST;
   while (widest > 0.0) {
-    if (map.visits > COUNTS_VISITS &&
-        counts_serve(map, hints, hint_count, lobes, alpha, footprint, widest, random, level, cells)) {
+    if (map.visits > COUNTS_VISITS && counts_serve(map, query, widest, level, cells)) {
       mode = MODE_COUNTS;
     }
-    else if (widest == FAR_SIDE_FIRST && is_searched && index_serves(map, footprint, hints, hint_count, hit.u, hit.v)) {
+    else if (widest == FAR_SIDE_FIRST && is_searched && index_serves(map, query)) {
       mode = MODE_INDEX;
     }
     widest = mode == MODE_SUBSET && widest == FAR_SIDE_FIRST ? FAR_SIDE_SUBSET : 0.0;
   }
   if (mode == MODE_COUNTS) {
-    is_selected = hit_is_counted(hints, hint_count, cells, level, map, hit);
+    s.is_merged = 1;
+    is_selected = hit_is_counted(query, cells, level, map, hit);
+    counts_query(map, level, query, cells, s);
+    return 1.0;
   }
-  else {
-    Patch patch;
-    if (map.is_linear) {
-      patch = hit_patch(map, hit);
+  is_selected = hit_is_selected(query, map, hit, mode);
+  if (mode == MODE_INDEX) {
+    return index_query(map, query, s);
+  }
+  return visit_elements(map, query, mode, map.is_linear && view.samples > 1.0 ? SURE_WEIGHT : 0.0, s);
+}
+
+/* The lobe for colour 1. s: empty, for as many closures as the lobe may return besides the remainder. plain: the
+ * closure of the normal at the hit point, which is returned alone where no hinted light can show a glint. */
+closure color glint_lobe(Facet facet, output Map map, NormalFrame frame, Hit hit, View view, Lights lights,
+                         output Selection s, closure color plain)
+{
+  Query query;
+  query.u = hit.u;
+  query.v = hit.v;
+  query.facet = facet;
+  query.random = (vector)hashnoise(point(hit.u, hit.v, P[0] + 2.0 * P[1] + 3.0 * P[2]));
+  Footprint footprint;
+  if (!round_footprint(view, footprint)) {
+    map.costs.left = LEFT_NO_FOOTPRINT;
+    return plain;
+  }
+  query.footprint = footprint;
+  float share = fit_footprint(lights, frame, view, map, query);
+  map.costs.hints = query.hint_count;
+  if (query.hint_count == 0) {
+    map.costs.left = LEFT_NOT_REACHED;
+    return plain;
+  }
+  int mode = query_mode(query.footprint, map.visits);
+  if (mode == MODE_SINGLE && share != 1.0) {
+    mode = MODE_POINTS; /* a footprint on the pixel grid, whose widest is wider */
+  }
+  if (mode == MODE_SINGLE) {
+    map.costs.left = LEFT_WITHIN_TEXEL;
+    if (!map.is_linear) {
+      return plain;
     }
-    is_selected = hit_is_selected(map, hints, hint_count, alpha, mode, patch, hit.u - hit.i, hit.v - hit.j, hit.n);
+    map.costs.visited = 1;
+    map.costs.mode = mode;
+    return patch_closure(query, map, hit, frame);
   }
+  s.random = query.random[2];
+  int is_selected = 0;
+  float total = select_elements(map, query, hit, view, mode, s, is_selected);
+  map.costs.mode = mode;
+  map.costs.closures = !is_selected;
   closure color remainder = 0;
-  int closures = 0;
   if (!is_selected) {
     remainder = plain;
-    closures = 1;
   }
-
-  int visited = 0;
-  float weights = 1.0;
-  Selection s = new_selection(closure_count, lobes, distribution == "ggx", alpha, random[2]);
-  s.is_merged = mode == MODE_COUNTS;
-  if (mode == MODE_COUNTS) {
-    counts_query(alpha, map, level, hints, hint_count, peak_parts(hint_count * lobes), cells, footprint, hit.u, hit.v,
-                 random, s, visited);
-  }
-  else if (mode == MODE_INDEX) {
-    weights = index_query(map, hints, hint_count, alpha, footprint, hit.u, hit.v, s, visited);
-  }
-  else {
-    weights = glint_query(map, hints, hint_count, alpha, footprint, mode,
-                        map.is_linear && samples > 1.0 ? SURE_WEIGHT : 0.0, hit.u, hit.v, random[0], random[1], s,
-                        visited);
-  }
-  closure color sum = selection_closures(distribution, alpha, hints, s, weights / total, hit.u, hit.v, remainder, closures);
-  counters = color(visited, closures, mode);
-  return sum;
+  return selection_closures(query, s, total / share, remainder, map.costs);
 }

@@ -1,3 +1,4 @@
+#pragma once
 /* The linear map from tangent-space normals to world space that Blender's Normal Map node applies, with derivatives:
  * world = n.x * tangent + n.y * bitangent + n.z * upright, not normalised. Source: Cycles, node_normal_map.osl. */
 
@@ -5,7 +6,9 @@ struct NormalFrame {
   vector tangent;
   vector bitangent;
   vector upright;
-  /* How the three change per Dx(P) and Dy(P): the surface's curvature and the twist of its UVs. */
+  vector dpdx; /* Dx(P) and Dy(P) */
+  vector dpdy;
+  /* How the three change with them: the surface's curvature and the twist of its UVs. */
   vector tangent_dx;
   vector tangent_dy;
   vector bitangent_dx;
@@ -44,10 +47,13 @@ int normal_frame(string tangent_name, string sign_name, output NormalFrame frame
 
   float side = backfacing() ? -1.0 : 1.0;
   normal world_tangent = side * transform("object", "world", object_tangent);
-  normal world_bitangent = side * transform("object", "world", normal(tangent_sign * cross(object_normal, object_tangent)));
+  normal object_bitangent = tangent_sign * cross(object_normal, object_tangent);
+  normal world_bitangent = side * transform("object", "world", object_bitangent);
   normal curved_bitangent = side * transform("object", "world", normal(tangent_sign * cross(curved, object_tangent)));
   normal world_curved = side * transform("object", "world", curved);
 
+  frame.dpdx = Dx(P);
+  frame.dpdy = Dy(P);
   frame.tangent = world_tangent;
   frame.bitangent = world_bitangent;
   frame.upright = side * transform("object", "world", object_normal);

@@ -1,12 +1,15 @@
+#pragma once
 /* Footprints that know the pixel grid. A pixel's samples are distributed as the pixel filter, and the mean of equal
- * kernels around a few of them misses that filter. The shader sees where a camera sample lies in the grid of pixels, not
- * which pixel it belongs to. So the footprint's radius and its total depend on that place: samples in the middle of a
- * cell of the grid count for more and reach farther than those near its border: decision 64.
+ * kernels around a few of them misses that filter. The shader sees where a camera sample lies in the grid of pixels,
+ * not which pixel it belongs to. So the footprint's radius and its total depend on that place: samples in the middle
+ * of a cell of the grid count for more and reach farther than those near its border: decision 64.
  *
  * With f the place along either pixel axis, -0.5 to 0.5: radius r0 (1 + r2 f^2) along the axis, total the product over
  * both axes of (1 + t2 f^2 + t4 f^4) over its mean. The first sample of every pixel lies at f = 0 and is recognised by
  * that: its radius is r1, its total 1. The numbers are fitted to Blender's own pixel filter, Blackman-Harris of 1.5
  * pixels. */
+
+#include "footprint.h"
 
 /* Samples a pixel from which on the grid is used, as a power of two; the tables go on in powers of two. */
 #define GRID_FIRST 2.0

@@ -1,3 +1,4 @@
+#pragma once
 /* The filter by which one sample averages a texture. */
 
 /* Standard deviation in pixels of the Gaussian over which one of `samples` samples a pixel averages: it falls with the

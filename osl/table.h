@@ -1,3 +1,4 @@
+#pragma once
 /* The glint table: a normal map as one float texture. Layout: glint_addon/bake/table.py, which writes it. */
 
 #define TABLE_MAGIC 7919.0

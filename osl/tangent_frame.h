@@ -1,6 +1,7 @@
-/* Tangent frame from how position and UV change: the twin of tests/reference/tangent_frame.py.
- * Solves deltaPos1 = du1 T + dv1 B, deltaPos2 = du2 T + dv2 B. With Dx and Dy of P and UV the result is the frame of the
- * triangle, because both are linear over a triangle. */
+#pragma once
+/* Tangent frame from how position and UV change: the twin of tests/reference/tangent_frame.py. Solves deltaPos1 = du1
+ * T + dv1 B, deltaPos2 = du2 T + dv2 B. With Dx and Dy of P and UV the result is the frame of the triangle, because
+ * both are linear over a triangle. */
 
 /* See LEAST_SINE in the twin. */
 #define LEAST_UV_SINE 1e-6

@@ -12,6 +12,7 @@ from .. import paths
 from ..errors import ShaderError
 
 LOCAL_INCLUDE = re.compile(r'^[ \t]*#include[ \t]+"([^"]+)"[ \t]*$', re.MULTILINE)
+ONCE = "#pragma once\n"  # in headers, for other compilers than Blender's
 
 
 def osl_available() -> bool:
@@ -25,26 +26,30 @@ def shader_source(name: str) -> str:
     Headers that are not in the osl folder (stdcycles.h) are left to Blender's compiler.
     Raises ShaderError if a file is missing.
     """
+    return with_headers(_read(paths.shader_file(name)))
+
+
+def with_headers(text: str) -> str:
+    """`text` with our own headers put in place of its #include lines, as `shader_source`."""
     seen = set()
 
-    def expanded(file: Path) -> str:
-        try:
-            text = file.read_text(encoding="utf-8")
-        except OSError as error:
-            raise ShaderError(f"Shader {file.name} cannot be read ({error.strerror}): reinstall Glint.") from error
+    def replacement(match):
+        header = paths.shader_file(match[1])
+        if not header.is_file():
+            return match[0]
+        if header in seen:
+            return ""
+        seen.add(header)
+        return LOCAL_INCLUDE.sub(replacement, _read(header).removeprefix(ONCE))
 
-        def replacement(match):
-            header = paths.shader_file(match[1])
-            if not header.is_file():
-                return match[0]
-            if header in seen:
-                return ""
-            seen.add(header)
-            return expanded(header)
+    return LOCAL_INCLUDE.sub(replacement, text)
 
-        return LOCAL_INCLUDE.sub(replacement, text)
 
-    return expanded(paths.shader_file(name))
+def _read(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ShaderError(f"Shader {file.name} cannot be read ({error.strerror}): reinstall Glint.") from error
 
 
 def shader_text(name: str) -> bpy.types.Text:

@@ -114,10 +114,10 @@ def plain_level(normals, interpolation, block, box):
 
 
 def test_the_corners_and_the_header_are_those_of_the_shader():
-    source = paths.shader_file("counts.h").read_text(encoding="utf-8")
+    source = paths.shader_file("counts_table.h").read_text(encoding="utf-8")
     assert float(re.search(r"^#define COUNTS_MAGIC (\S+)$", source, re.MULTILINE)[1]) == counts.MAGIC
     body = source[source.index("int level_corners") :].partition("\n}\n")[0]
-    linear, closest = re.findall(r"return (block .*);", body)
+    linear, closest = re.findall(r"return (block .*?);", body, re.DOTALL)
     for interpolation, expression in (("LINEAR", linear), ("CLOSEST", closest)):
         pairs = [(int(block), int(n)) for block, n in re.findall(r"block <= (\d+) \? (\d+)", expression)]
         pairs.append((counts.LARGEST_LISTED, int(expression.rpartition(":")[2])))

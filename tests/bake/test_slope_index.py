@@ -101,7 +101,8 @@ def test_a_flat_map_and_one_below_the_horizon_are_listed_whole(interpolation):
 
 
 def test_the_layout_is_that_of_the_shader():
-    text = paths.shader_file("slope_index.h").read_text(encoding="utf-8")
+    headers = ("slope_cells.h", "slope_index.h")
+    text = "".join(paths.shader_file(name).read_text(encoding="utf-8") for name in headers)
     defined = dict(re.findall(r"#define INDEX_(\w+) ([\d.]+)", text))
     for name in ("MAGIC", "SIDE", "COLUMNS", "ROWS", "RECORD", "FIRST_PREFIX", "FIRST_ELEMENT"):
         assert float(defined[name]) == getattr(slope_index, name)

@@ -4,7 +4,6 @@ import bpy
 import numpy as np
 import pytest
 
-from glint_addon import paths
 from glint_addon.errors import MapError
 from glint_addon.nodes import script_node
 from tests.helpers import cycles
@@ -211,7 +210,7 @@ shader test(vector Tangent_Normal = vector(0), point UV = point(0), output vecto
 
 def osl_normals(scene, tree, shown, tangent_normal):
     text = bpy.data.texts.new("Test shader")
-    text.from_string(OSL_TEST % paths.shader_file("tangent_frame.h").read_text(encoding="utf-8"))
+    text.from_string(OSL_TEST % script_node.with_headers('#include "tangent_frame.h"'))
     script_node._let_oslquery_be_imported()
     node = tree.nodes.new("ShaderNodeScript")
     node.script = text

@@ -348,7 +348,7 @@ def test_a_far_ball_whose_footprints_turn_more_than_counts_may_is_not_left_to_a_
 
 def test_the_shader_and_the_lights_group_agree_on_their_constants():
     """Numbers written in Python and read in OSL."""
-    headers = ("light_hint.h", "selection.h", "query.h", "counts.h")
+    headers = ("light_hint.h", "selection.h", "query.h", "counts_table.h")
     text = "".join(paths.shader_file(name).read_text() for name in headers)
     constants = dict(re.findall(r"^#define (\w+) ([\d.]+)$", text, re.MULTILINE))
     kinds = {"NONE": glint_lights.KIND_NONE, "SUN": glint_lights.KIND_SUN, "LOCAL": glint_lights.KIND_LOCAL}

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tests.reference import checker, footprint, image_texture, light_hint, selection, table
+from tests.osl.queries import whole_hint
+from tests.reference import checker, footprint, image_texture, light_hint, query, selection, table
 from tests.reference import map as patches
 
 SETTINGS = settings(max_examples=60, deadline=None, derandomize=True)
@@ -140,11 +141,10 @@ def test_more_samples_have_smaller_footprints(samples, factor):
 def seen_hint(rng, light, shape, position, view, basis, *, view_turn=0.0, step=1e-6, k_alpha=0.05):
     """Twin's hint on a flat surface (its tangent, bitangent and normal are `basis`), with texels of length `step`."""
     still = np.zeros((1, 3))
-    frame = light_hint.NormalFrame(*basis[:, None], *[still] * 6)
+    frame = light_hint.NormalFrame(*basis[:, None], step * basis[:1], step * basis[1:2], *[still] * 6)
     pixel = footprint.Footprint(*[np.array([value]) for value in (1, 0, 0, 1, 1, 0, 0, 1, 1, 1, 1)])
     return light_hint.half_vector(
-        light[None], shape[None], k_alpha, frame, pixel, step * basis[:1], step * basis[1:2],
-        np.array([view_turn]), position[None], view[None], basis[2:],
+        light[None], shape[None], k_alpha, frame, pixel, np.array([view_turn]), position[None], view[None], basis[2:],
     )
 
 
@@ -172,8 +172,8 @@ def test_slopes_turn_along_the_surface_as_the_half_vector_does(seed, is_local, i
     mirror = basis @ hint.h[0]
     for texel in ((30, 0), (0, 30), (20, -10)):
         _, there = at(texel)
-        moved = light_hint.hint_slope(there, mirror[None], 0.0, 0.0)[1][0] @ there.axes[0]
-        predicted = light_hint.hint_slope(hint, mirror[None], *texel)[1][0] @ hint.axes[0]
+        moved = query.hint_slope(there, mirror[None], 0.0, 0.0)[1][0] @ there.axes[0]
+        predicted = query.hint_slope(hint, mirror[None], *texel)[1][0] @ hint.axes[0]
         np.testing.assert_allclose(moved, predicted, atol=1e-8)
 
 
@@ -207,7 +207,7 @@ def test_no_patch_is_skipped_on_uneven_objects_and_small_spheres(seed, uneven, t
     forms = rotations(rng, COUNT) * scale[:, None]
     turns = turn * unit(rng.normal(size=(COUNT, 2, 2)))
     away = rng.uniform(0, 5, (2, COUNT))
-    hint = light_hint.bounded_half_vector(None, None, forms, turns, np.full(COUNT, radius), away.T + 1.0)
+    hint = whole_hint(forms, turns, np.full(COUNT, radius), extent=away.T)
 
     # A patch whose normal at (a, b) is at the rim of the region, all others as far beyond it as its ball allows.
     at = rng.random((2, COUNT))
@@ -219,7 +219,7 @@ def test_no_patch_is_skipped_on_uneven_objects_and_small_spheres(seed, uneven, t
     worst *= np.sign(np.einsum("ns,nsk,nk->n", slope, forms[:, :2], worst))[:, None]
     ball = roughness * np.linalg.norm(inside, axis=1)
     centre = inside + ball[:, None] * worst
-    reached, _ = light_hint.hint_reaches_ball(hint, centre, ball + 1e-9, *(offset + 0.5))
+    reached, _ = query.hint_reaches_ball(hint, centre, ball + 1e-9, *(offset + 0.5))
     assert reached.all()
 
 
@@ -243,16 +243,15 @@ def test_the_covariance_of_a_patch_is_that_of_the_slopes_around_a_point(seed, ra
     forms = rotations(rng, 1)
     upright = unit(np.linalg.solve(forms, np.array([[[0.1], [-0.1], [1.0]]]))[..., 0])
     patch = upright[:, None] + 0.1 * rng.normal(size=(1, 4, 3))
-    hint = light_hint.bounded_half_vector(None, None, forms, np.zeros((1, 2, 2)), np.array([radius]), np.ones((1, 2)))
-    _, corners, _ = patches.patch_slopes(hint, patch, np.zeros(1), np.zeros(1))
+    hint = whole_hint(forms, 0.02 * rng.normal(size=(1, 2, 2)), np.array([radius]))
     # Positions around (0.5, 0.5) whose two deviations are so small that the slope is linear.
     first, second = 1e-3 * rng.normal(size=(2, 1, 2))
     draws = rng.normal(size=(2, 4000))
     positions = 0.5 + draws[0][:, None] * first + draws[1][:, None] * second
-    many = np.repeat(corners, 4000, axis=0)
-    normals = patches.patch_normal(many, *positions.T)
-    sampled = np.cov((normals[:, :2] / normals[:, 2:]).T)
-    expected = patches.patch_covariance(corners, np.full(1, 0.5), np.full(1, 0.5), first, second)[0]
+    many = hint.at(np.zeros(4000, int))
+    normals = patches.patch_normal(np.repeat(patch, 4000, axis=0), *positions.T)
+    sampled = np.cov(query.hint_slope(many, normals, *positions.T)[1].T)
+    expected = query.spread_over_part(hint, patch, np.full(1, 0.5), np.full(1, 0.5), first, second)[0]
     # 4000 draws know a variance to 2 %; five times that.
     tolerance = 0.11 * expected[[0, 2]].max()
     np.testing.assert_allclose([sampled[0, 0], sampled[0, 1], sampled[1, 1]], expected, atol=tolerance)

@@ -1,13 +1,12 @@
-"""What the mathematics of osl/*.h must obey, on the numpy twins (test_osl_headers.py compares these with OSL)."""
-
-from dataclasses import fields
+"""What the mathematics of osl/*.h must obey, on the numpy twins (test_*_header.py compare these with OSL)."""
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tests.reference import footprint, light_hint
+from tests.osl.queries import whole_hint
+from tests.reference import footprint, light_hint, query
 from tests.reference import map as normal_map
 
 SETTINGS = settings(max_examples=200, deadline=None, derandomize=True)
@@ -99,18 +98,13 @@ def test_the_region_holds_the_half_vectors_of_the_whole_light(seed, tilt, half_a
 def sun_hint(basis, light, half_angle, view, k_alpha=0.0):
     """HalfVector of a sun on the flat surface whose tangent, bitangent and normal are `basis`; None if it has none."""
     still = np.zeros((1, 3))
-    frame = light_hint.NormalFrame(*basis[:, None], *[still] * 6)
+    frame = light_hint.NormalFrame(*basis[:, None], basis[:1], basis[1:2], *[still] * 6)
     flat = footprint.Footprint(*[np.ones(1)] * 11)
     valid, hint = light_hint.half_vector(
-        light[None], np.array([[light_hint.HINT_SUN, half_angle]]), k_alpha, frame, flat, basis[:1], basis[1:2],
-        np.zeros(1), still, view[None], basis[2:],
+        light[None], np.array([[light_hint.HINT_SUN, half_angle]]), k_alpha, frame, flat, np.zeros(1), still,
+        view[None], basis[2:],
     )
-    return hint if valid[0] else None
-
-
-def repeated(hint, count):
-    """The same hint `count` times."""
-    return light_hint.HalfVector(*[np.repeat(getattr(hint, field.name), count, 0) for field in fields(hint)])
+    return light_hint.turn_over(flat, hint) if valid[0] else None
 
 
 @SETTINGS
@@ -123,7 +117,7 @@ def test_slopes_around_the_half_vector_are_tangents_of_the_angle_to_it(seed):
     assume(hint is not None)
     np.testing.assert_allclose(unit(light + view), hint.h[0], atol=1e-12)
     n = rng.normal(size=(1, 3))
-    valid, slope = light_hint.hint_slope(hint, n, 0.0, 0.0)
+    valid, slope = query.hint_slope(hint, n, 0.0, 0.0)
     cosine = unit(n[0]) @ basis @ hint.h[0]
     assert valid[0] == (cosine > 0)
     assume(cosine > 1e-6)
@@ -139,11 +133,11 @@ def test_a_ball_of_normals_is_never_skipped_while_one_of_them_is_in_the_region(s
     hint = sun_hint(basis, light, 0.01, view, k_alpha=sharpness)
     assume(hint is not None)
     count = 500
-    many = repeated(hint, count)
+    many = hint.at(np.zeros(count, int))
     slope = unit(rng.normal(size=(count, 2))) * hint.radius[0] * rng.uniform(0, 1, (count, 1))
     inside = np.linalg.solve(many.forms, np.c_[slope, np.ones(count)][..., None])[..., 0]
     centre = inside * rng.uniform(0.3, 1, (count, 1)) + ball * unit(rng.normal(size=(count, 3)))
-    assert light_hint.hint_reaches_ball(many, centre, np.full(count, ball * (1 + 1e-9)), 0.0, 0.0)[0].all()
+    assert query.hint_reaches_ball(many, centre, np.full(count, ball * (1 + 1e-9)), 0.0, 0.0)[0].all()
 
 
 @SETTINGS
@@ -158,8 +152,8 @@ def test_a_map_is_never_skipped_while_one_of_its_slopes_is_in_the_region(seed, w
     high = low + width * rng.random((1, 2))
     slopes = low + (high - low) * rng.random((500, 2))
     normals = np.c_[slopes, np.ones(500)]
-    many = repeated(hint, 500)
-    valid, p = light_hint.hint_slope(many, normals, 0.0, 0.0)
+    many = hint.at(np.zeros(500, int))
+    valid, p = query.hint_slope(many, normals, 0.0, 0.0)
     shifted = p + rng.uniform(-reach, reach, p.shape)
     selected = valid & (np.linalg.norm(shifted, axis=1) < hint.radius[0])
     hint.reach[:] = np.hypot(reach, reach)
@@ -174,20 +168,18 @@ def test_a_patch_is_never_skipped_while_a_normal_of_it_is_in_the_region(seed, ra
     count = 500
     forms = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0] @ (np.eye(3) + shear * rng.normal(size=(3, 3)))
     turns = turn * rng.normal(size=(count, 2, 2))
-    hint = light_hint.bounded_half_vector(None, None, forms, turns, np.full(count, radius), np.full((count, 2), 6.0))
+    hint = whole_hint(forms, turns, np.full(count, radius), extent=5.0)
     slopes = rng.normal(size=(count, 2)) * 2 * radius
     centre = unit(np.linalg.solve(forms, np.c_[slopes, np.ones(count)][..., None])[..., 0])
     patch = centre[:, None] + rng.choice([0.01, 0.1]) * rng.normal(size=(count, 4, 3))
     u, v = rng.uniform(-5, 5, (2, count))
     at = rng.random((2, count))
 
-    valid, corners, _ = normal_map.patch_slopes(hint, patch, u, v)
-    selected = normal_map.patch_slope(hint, corners, *at)[0] & (corners[..., 2] > 0).all(axis=1)
-    assert selected.any() and valid[selected].all()
-
+    selected = query.selecting_hint([hint], normal_map.patch_normal(patch, *at), u + at[0], v + at[1])[0] == 0
+    assert selected.any()
     middle = patch.mean(axis=1)
     ball = np.linalg.norm(patch - middle[:, None], axis=2).max(axis=1)
-    assert light_hint.hint_reaches_ball(hint, middle, ball, u + 0.5, v + 0.5)[0][selected].all()
+    assert query.hint_reaches_ball(hint, middle, ball, u + 0.5, v + 0.5)[0][selected].all()
 
 
 @SETTINGS

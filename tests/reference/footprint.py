@@ -11,6 +11,8 @@ FOOTPRINT_EXPONENT = 0.21
 LEAST_COSINE = 1e-4
 LEAST_AXES_SINE = 1e-6
 KERNEL_VARIANCE = 0.125
+CAUSTIC_AREA = 64.0  # texels
+CAUSTIC_ANGLE = 0.05
 
 
 @dataclass
@@ -28,6 +30,14 @@ class Footprint:
     area: np.ndarray
     long_axis: np.ndarray
     short_axis: np.ndarray
+
+    def at(self, rows):
+        """The footprints of some rows, each as often as it is named."""
+        return Footprint(*(getattr(self, name)[rows] for name in FIELDS))
+
+    def axes(self):
+        """The texel offsets (n, 2, 2) of the kernel's axes, in columns."""
+        return np.stack([self.ux, self.uy, self.vx, self.vy], axis=-1).reshape(-1, 2, 2)
 
 
 FIELDS = tuple(Footprint.__dataclass_fields__)
@@ -84,6 +94,32 @@ def footprint_ellipse(axes, wide):
     (n, 2) squared texels along u and v; and half of their bounding boxes (n, 2)."""
     square = axes @ axes.transpose(0, 2, 1) + wide[:, :, None] * np.eye(2)
     return np.linalg.inv(square), np.sqrt(np.einsum("nii->ni", square))
+
+
+def ellipse_square(form, offset):
+    """Squared distance (n,) of texel offsets (n, 2) from the middle, where 1 is the rim; form: of footprint_ellipse."""
+    return np.einsum("ni,nij,nj->n", offset, form, offset)
+
+
+def scale_footprint(scale, footprint):
+    """A footprint `scale` times as wide; what it says of the surface stays."""
+    powers = dict.fromkeys(("xu", "xv", "yu", "yv"), 0) | {"area": 2}
+    return Footprint(*(getattr(footprint, name) * scale ** powers.get(name, 1) for name in FIELDS))
+
+
+def caustic_scale(area, radius, distance):
+    """By how much footprints of `area` texels and `radius` metres are widened after a diffuse bounce."""
+    return np.minimum(np.sqrt(CAUSTIC_AREA / area), CAUSTIC_ANGLE * distance / radius)
+
+
+def is_drawn(sure, odds, weights):
+    """Which of successive elements (k,) are visited, their weights then, and whether no sum is so near a whole number
+    that rounding may decide: light elements are drawn where the sum of their probabilities passes a whole number."""
+    light = weights < sure
+    sums = odds + np.concatenate([[0.0], np.cumsum(np.where(light, weights / sure if sure > 0 else 0.0, 0.0))])
+    drawn = np.where(light, np.floor(sums[1:]) > np.floor(sums[:-1]), weights > 0)
+    clear = np.abs(sums - np.round(sums)).min() > 1e-5 if light.any() else True
+    return drawn, np.where(light & drawn, sure, np.where(drawn, weights, 0.0)), clear
 
 
 def footprint_kernel(t):

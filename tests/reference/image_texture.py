@@ -40,3 +40,47 @@ def srgb_decoded(values) -> np.ndarray:
     """Linear light of sRGB-encoded values 0..1 (IEC 61966-2-1)."""
     values = np.asarray(values, dtype=float)
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+TAP_STD = 0.5
+MAX_ANISOTROPY = 16.0
+TAP_REACH = 2.0
+TAP_SPACING = 1.5
+
+
+def level_color(levels, level, uv, *, encoded, unassociate, clamp_v):
+    """RGBA (n, 4) of bilinear look-ups in one level of a pyramid at (u, v): linear light, alpha beside colour."""
+    pixels = levels[level].astype(float)
+    if clamp_v:
+        half = 0.5 / len(pixels)
+        uv = np.stack([uv[:, 0], np.clip(uv[:, 1], half, 1 - half)], axis=1)
+    rgba = bilinear(pixels, uv)
+    if level == 0 and encoded:
+        alpha = rgba[:, 3:]
+        divisor = np.where(unassociate & (alpha != 0), alpha, 1.0)
+        rgba = np.concatenate([divisor * srgb_decoded(np.maximum(rgba[:, :3] / divisor, 0)), alpha], axis=1)
+    return rgba
+
+
+def filtered_color(levels, uv, long_uv, long_std, short_std, **settings):
+    """RGBA (n, 4) of trilinear taps along the long axes (n, 2) of elliptic Gaussians; long_std, short_std: (n,) texels.
+
+    And the unrounded number (n,) of taps along half of each axis.
+    """
+    wanted = np.maximum(short_std, long_std / MAX_ANISOTROPY)
+    depth = np.clip(np.log2(wanted / TAP_STD), 0, len(levels) - 1)
+    tap_std = TAP_STD * 2.0**depth
+    spread = np.sqrt(np.maximum(long_std**2 - tap_std**2, 0))
+    exact = TAP_REACH * spread / (TAP_SPACING * tap_std) - 0.25
+    taps = np.ceil(exact).astype(int)
+    total, weights = np.zeros((len(uv), 4)), np.zeros(len(uv))
+    for tap in range(-taps.max(), taps.max() + 1):
+        place = np.where(taps > 0, TAP_REACH * tap / np.maximum(taps, 1), 0.0)
+        weight = np.where(np.abs(tap) <= taps, np.exp(-0.5 * place**2), 0.0)
+        at = uv + (place * spread / long_std)[:, None] * long_uv
+        every = np.stack([level_color(levels, level, at, **settings) for level in range(len(levels))])
+        # A tent over the levels, 1 at its own depth.
+        share = np.maximum(1 - np.abs(depth - np.arange(len(levels))[:, None]), 0)
+        total += weight[:, None] * np.einsum("ln,lnc->nc", share, every)
+        weights += weight
+    return total / weights[:, None], exact

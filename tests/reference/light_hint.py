@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -23,6 +23,8 @@ class NormalFrame:
     tangent: np.ndarray
     bitangent: np.ndarray
     upright: np.ndarray
+    dpdx: np.ndarray
+    dpdy: np.ndarray
     tangent_dx: np.ndarray
     tangent_dy: np.ndarray
     bitangent_dx: np.ndarray
@@ -40,16 +42,22 @@ class HalfVector:
     forms: np.ndarray
     turns: np.ndarray
     radius: np.ndarray
-    reach: np.ndarray
     patch_turn: np.ndarray
-    ball_growth: np.ndarray
+    turn: np.ndarray | None = None
+    reach: np.ndarray | None = None
+    ball_growth: np.ndarray | None = None
+
+    def at(self, rows):
+        """The hints of some rows, each as often as it is named."""
+        values = (getattr(self, field.name) for field in fields(self))
+        return HalfVector(*(None if value is None else value[rows] for value in values))
 
 
-def _dot(a, b):
+def dot(a, b):
     return np.einsum("...k,...k->...", a, b)
 
 
-def _unit(a):
+def unit(a):
     return a / np.linalg.norm(a, axis=-1, keepdims=True)
 
 
@@ -57,7 +65,7 @@ def slope_axes(frame, h):
     """Axes (n, 2, 3) across h and the three linear forms (n, 3, 3) on tangent-space normals."""
     x, y, z = np.moveaxis(h, -1, 0)
     zero = np.zeros_like(x)
-    first = _unit(np.where(np.abs(z)[:, None] < 0.9, np.stack([-y, x, zero], -1), np.stack([zero, -z, y], -1)))
+    first = unit(np.where(np.abs(z)[:, None] < 0.9, np.stack([-y, x, zero], -1), np.stack([zero, -z, y], -1)))
     axes = np.stack([first, np.cross(h, first)], axis=1)
     basis = np.stack([frame.tangent, frame.bitangent, frame.upright], axis=1)
     return axes, np.einsum("nbk,nfk->nfb", basis, np.concatenate([axes, h[:, None]], axis=1))
@@ -70,11 +78,11 @@ def shines_here(light, shape, axis, position):
     widening = np.where(shape[:, 1] < distance, np.arcsin(np.minimum(shape[:, 1] / distance, 1.0)), np.pi)
     cone = shape[:, 2] + np.where(shape[:, 2] < FLAT_CONE, widening, 0.0)
     has_cone = (shape[:, 0] == HINT_LOCAL) & (shape[:, 2] > 0) & (cone < np.pi)
-    margin = np.where(has_cone, _dot(offset, axis) / distance - np.cos(np.minimum(cone, np.pi)), 1.0)
+    margin = np.where(has_cone, dot(offset, axis) / distance - np.cos(np.minimum(cone, np.pi)), 1.0)
     return margin > 0, margin
 
 
-def half_vector(light, shape, kind_k_alpha, frame, footprint, dpdx, dpdy, view_turn, position, view, geometric_normal):
+def half_vector(light, shape, region, frame, footprint, view_turn, position, view, geometric_normal):
     """Validity (n,) bool and HalfVector of each hint; position, view and geometric_normal are OSL's P, I and Ng."""
     light, view = np.asarray(light, float), np.asarray(view, float)
     is_local = shape[:, 0] == HINT_LOCAL
@@ -92,55 +100,46 @@ def half_vector(light, shape, kind_k_alpha, frame, footprint, dpdx, dpdy, view_t
     valid &= length >= 1e-3
     length = np.where(length > 0, length, 1.0)
     h = total / length[:, None]
-    radius = kind_k_alpha + half_angle / length
-    largest = np.minimum(LARGEST_OF_VIEW * length / 2, LARGEST_OF_LIGHT * _dot(direction, geometric_normal))
+    radius = region + half_angle / length
+    largest = np.minimum(LARGEST_OF_VIEW * length / 2, LARGEST_OF_LIGHT * dot(direction, geometric_normal))
     valid &= radius < np.minimum(largest, LARGEST_REGION)
 
     axes, forms = slope_axes(frame, h)
     turns = []
     for step, change in (
-        (dpdx, (frame.tangent_dx, frame.bitangent_dx, frame.upright_dx)),
-        (dpdy, (frame.tangent_dy, frame.bitangent_dy, frame.upright_dy)),
+        (frame.dpdx, (frame.tangent_dx, frame.bitangent_dx, frame.upright_dx)),
+        (frame.dpdy, (frame.tangent_dy, frame.bitangent_dy, frame.upright_dy)),
     ):
         turn = sum(forms[:, 2, k, None] * change[k] for k in range(3))
-        across_light = step - _dot(step, direction)[:, None] * direction
-        across_view = step - _dot(step, view)[:, None] * view
+        across_light = step - dot(step, direction)[:, None] * direction
+        across_view = step - dot(step, view)[:, None] * view
         half_turn = light_turn[:, None] * across_light + np.asarray(view_turn)[:, None] * across_view
         turns.append(np.einsum("nak,nk->na", axes, turn + half_turn / length[:, None]))
     turn = np.stack(turns, axis=-1)  # (n, slope, step)
     to_steps = np.stack([np.stack([footprint.xu, footprint.xv], -1), np.stack([footprint.yu, footprint.yv], -1)], -2)
-    extent = np.stack([np.hypot(footprint.ux, footprint.uy), np.hypot(footprint.vx, footprint.vy)], axis=-1) + 1.0
-    hint = bounded_half_vector(h, axes, forms, turn @ to_steps, radius, extent)
+    turns = turn @ to_steps
+    hint = HalfVector(h, axes, forms, turns, radius, 0.5 * np.linalg.norm(turns, axis=1).sum(axis=-1))
     return valid & (hint.patch_turn < LARGEST_TURN), hint
 
 
-def bounded_half_vector(h, axes, forms, turns, radius, extent):
-    """HalfVector with its bounds; extent: (n, 2), how many texels along u and v elements may lie from the hit point."""
-    rates = np.linalg.norm(turns, axis=1)  # (n, texel)
-    reach = (rates * extent).sum(axis=-1)
-    spread = np.linalg.svd(forms[:, :2], compute_uv=False)[:, 0]
-    growth = spread + (radius + reach) * np.linalg.norm(forms[:, 2], axis=-1)
-    return HalfVector(h, axes, forms, turns, radius, reach, 0.5 * rates.sum(axis=-1), growth)
+def forms_norm(forms):
+    """Largest length (n,) of the first two of three forms (n, 3, 3) on unit normals."""
+    return np.linalg.svd(forms[:, :2], compute_uv=False)[:, 0]
 
 
-def hint_slope(hint, n, offset_u, offset_v):
-    """Validity and slopes (n, 2) around the half vector of tangent-space normals `n` at texel offsets."""
-    values = np.einsum("nfk,nk->nf", hint.forms, n)
-    valid = values[:, 2] > 0
-    along = np.where(valid, values[:, 2], 1.0)
-    offset = np.stack(np.broadcast_arrays(offset_u, offset_v, along)[:2], axis=-1)
-    return valid, values[:, :2] / along[:, None] + np.einsum("nst,nt->ns", hint.turns, offset)
+def turn_over(footprint, hint):
+    """The hint with what depends on the footprint's size."""
+    extent = np.stack([np.hypot(footprint.ux, footprint.uy), np.hypot(footprint.vx, footprint.vy)], axis=-1)
+    return turn_over_texels(extent, hint)
 
 
-def hint_reaches_ball(hint, centre, ball, offset_u, offset_v):
-    """Whether any normal of a patch, all within a ball, can lie in the region around h; by how much (positive: yes)."""
-    values = np.einsum("nfk,nk->nf", hint.forms, centre)
-    along = values[:, 2]
-    offset = np.stack(np.broadcast_arrays(offset_u, offset_v, along)[:2], axis=-1)
-    x = values[:, :2] + along[:, None] * np.einsum("nst,nt->ns", hint.turns, offset)
-    limit = (hint.radius + hint.patch_turn) * along + ball * hint.ball_growth
-    margin = np.minimum(limit, limit - np.linalg.norm(x, axis=-1))
-    return margin > 0, margin
+def turn_over_texels(extent, hint):
+    """As turn_over, for elements that lie up to `extent` (n, 2) texels along u and v from the hit point."""
+    rates = np.linalg.norm(hint.turns, axis=1)  # (n, texel)
+    turn = (rates * extent).sum(axis=-1)
+    reach = turn + rates.sum(axis=-1)
+    growth = forms_norm(hint.forms) + (hint.radius + reach) * np.linalg.norm(hint.forms[:, 2], axis=-1)
+    return replace(hint, turn=turn, reach=reach, ball_growth=growth)
 
 
 def map_reaches_hint(hint, low, high):

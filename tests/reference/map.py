@@ -2,9 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from .table import strengthened, wrapped
+
 CORNERS = ((0, 0), (1, 0), (0, 1), (1, 1))  # (column, row) of the corners, in order
+PART_SPAN = 1.5  # alpha
+MOST_PARTS = 8
+
+
+@dataclass
+class Hit:
+    """The map at hit points, one row for each: see osl/map.h."""
+
+    u: np.ndarray
+    v: np.ndarray
+    i: np.ndarray
+    j: np.ndarray
+    n: np.ndarray
+    unscaled: np.ndarray
+
+
+def map_normal(normals, strength, i, j):
+    """Tangent-space normals of texels (i, j), which repeat, of a map (height, width, 3); strength: one or (n,)."""
+    height, width = normals.shape[:2]
+    return strengthened(normals[wrapped(j, height), wrapped(i, width)], strength)
+
+
+def map_patch(normals, strength, i, j):
+    """Patches (n, 4, 3) between texels (i, j) and their right and upper neighbours."""
+    return np.stack([map_normal(normals, strength, i + du, j + dv) for du, dv in CORNERS], axis=1)
 
 
 def patch_normal(patch, a, b):
@@ -13,53 +42,38 @@ def patch_normal(patch, a, b):
     return np.einsum("nc,nck->nk", weights, patch)
 
 
-def patch_slopes(hint, patch, offset_u, offset_v):
-    """Validity (n,), forms at the four corners (n, 4, 3), and the distance of the closest condition from its limit.
-
-    The forms are (n.f1, n.f2, n.f3), shifted by surface and half vector; where OSL keeps value and differences, the
-    corners are kept here.
-    """
-    forms = np.einsum("nfk,nck->ncf", hint.forms, patch)
-    corner = np.array(CORNERS, float)
-    offset = np.stack([offset_u, offset_v], -1)[:, None] + corner
-    forms[..., :2] += forms[..., 2:] * np.einsum("nst,nct->ncs", hint.turns, offset)
-    limit = hint.radius[:, None, None] * forms[..., 2:]
-    margins = np.concatenate([
-        forms[..., 2].min(axis=1)[:, None],
-        -(forms[..., :2] - limit).min(axis=1),
-        (forms[..., :2] + limit).max(axis=1),
-    ], axis=1)
-    return (margins > 0).all(axis=1), forms, np.abs(margins).min(axis=1)
+def square_turn(start, end):
+    """Square (n,) of about the angle between normals of any length."""
+    shorter = np.minimum(np.linalg.norm(start, axis=-1), np.linalg.norm(end, axis=-1))
+    return (np.linalg.norm(end - start, axis=-1) / shorter) ** 2
 
 
-def patch_slope(hint, forms, a, b):
-    """Whether the normal at (a, b) lies in the region around the half vector, and its slope there (n, 2)."""
-    form = patch_normal(forms, a, b)
-    p = form[:, :2] / form[:, 2:]
-    return np.linalg.norm(p, axis=-1) < hint.radius, p
-
-
-def patch_covariance(forms, a, b, first, second):
-    """Covariance (n, 3) = (c11, c12, c22) of slopes, J S J^T.
-
-    first, second: (n, 2) position offsets of one deviation each; their outer products add up to S. J comes from
-    differences of the slope itself, so that OSL's quotient rule is tested and not repeated.
-    """
-    step = 1e-5
-    columns = []
-    for da, db in ((step, 0.0), (0.0, step)):
-        ahead, behind = patch_normal(forms, a + da, b + db), patch_normal(forms, a - da, b - db)
-        columns.append((ahead[:, :2] / ahead[:, 2:] - behind[:, :2] / behind[:, 2:]) / (2.0 * step))
-    jacobian = np.stack(columns, axis=-1)
-    spread = jacobian @ np.stack([first, second], axis=-1)
-    covariance = spread @ spread.transpose(0, 2, 1)
-    return np.stack([covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]], axis=-1)
-
-
-def patch_parts(from_a, to_a, from_b, to_b, alpha, *, part_span=1.5, most_parts=8):
+def patch_parts(from_a, to_a, from_b, to_b, alpha):
     """Parts of a patch along one side, and the unrounded number."""
-    turns = [np.linalg.norm(to - start, axis=-1) / np.linalg.norm([start, to], axis=-1).min(axis=0)
-             for start, to in ((from_a, to_a), (from_b, to_b))]
-    span = np.maximum(*turns)
-    exact = span / (part_span * alpha)
-    return np.clip(np.ceil(exact), 1, most_parts), exact
+    span = np.sqrt(np.maximum(square_turn(from_a, to_a), square_turn(from_b, to_b)))
+    exact = span / (PART_SPAN * alpha)
+    return np.clip(np.ceil(exact), 1, MOST_PARTS).astype(int), exact
+
+
+def patch_columns(patch, alpha):
+    """Parts along u, and the unrounded number."""
+    n00, n10, n01, n11 = np.moveaxis(patch, 1, 0)
+    return patch_parts(n00, n10, n01, n11, alpha)
+
+
+def patch_rows(patch, alpha):
+    """Parts along v, and the unrounded number."""
+    n00, n10, n01, n11 = np.moveaxis(patch, 1, 0)
+    return patch_parts(n00, n01, n10, n11, alpha)
+
+
+def map_hit(normals, strength, is_linear, uv):
+    """The map at UV coordinates (n, 2)."""
+    height, width = normals.shape[:2]
+    u, v = (uv % 1.0 * [width, height] - (0.5 if is_linear else 0.0)).T
+    i, j = np.floor(u).astype(int), np.floor(v).astype(int)
+    if is_linear:
+        unscaled = patch_normal(map_patch(normals, 1.0, i, j), u - i, v - j)
+    else:
+        unscaled = map_normal(normals, 1.0, i, j)
+    return Hit(u, v, i, j, strengthened(unscaled, strength), unscaled)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .facet import facet_lobe
 from .light_hint import REGION
 
 CLOSURE_BUDGET = 24
@@ -16,8 +17,8 @@ EPSILON = 2.0**-24
 def element_importance(is_ggx, alpha, radius, weight, p, covariance):
     """Importance (n,) of elements of `weight` (n,), mean slope p (n, 2), covariance (c11, c12, c22) (n, 3)."""
     width = np.maximum(alpha**2 + covariance[:, 0] + covariance[:, 2], LEAST_SHARE * alpha**2)
-    square = (p**2).sum(axis=1) / (width + 0.5 * (radius - REGION * alpha) ** 2)
-    return weight * (LEAST_IMPORTANCE + np.where(is_ggx, 1 / (1 + square) ** 2, np.exp(-square)))
+    width = width + 0.5 * (radius - REGION * alpha) ** 2
+    return weight * (LEAST_IMPORTANCE + facet_lobe(is_ggx, (p**2).sum(axis=1), width))
 
 
 def reservoirs(importance, limit, random):

@@ -34,6 +34,14 @@ def table_texel(table, i, j):
     return table[j, i, :3]
 
 
+def table_between(table, x, y):
+    """RGB at (x, y) in texels, (i + 0.5, j + 0.5) the centre of texel (i, j), bilinear; all corners lie in the map."""
+    i, j = np.floor(x - 0.5).astype(int), np.floor(y - 0.5).astype(int)
+    a, b = (x - 0.5 - i)[..., None], (y - 0.5 - j)[..., None]
+    n00, n10, n01, n11 = (table[j + dv, i + du, :3].astype(float) for dv in (0, 1) for du in (0, 1))
+    return (1 - b) * ((1 - a) * n00 + a * n10) + b * ((1 - a) * n01 + a * n11)
+
+
 def patch_has_bounds(width, height, i, j):
     """Whether `patch_bounds` holds for the bilinear patch at texel (i, j): inside the map, and not at texel (0, 0)."""
     return (i + 1 < width) & (j + 1 < height) & (i + j > 0)

@@ -60,7 +60,7 @@ def rendered_axes(scene, thing) -> np.ndarray:
     tree = other.node_tree
     (source,) = [link.from_socket for link in tree.nodes[surface.name].inputs["Vector"].links]
     text = bpy.data.texts.new("Axes")
-    header = paths.shader_file("footprint.h").read_text(encoding="utf-8")
+    header = script_node.with_headers('#include "footprint.h"')
     width, height = map(float, SIZE)
     text.from_string(SHADER.format(header=header, samples=float(scene.cycles.samples), width=width, height=height))
     node = tree.nodes.new("ShaderNodeScript")
@@ -510,7 +510,8 @@ def test_a_map_smaller_than_a_block_has_one_level():
 def test_constants_are_those_of_the_shader():
     assert (footprints.FOOTPRINT_SCALE, footprints.FOOTPRINT_EXPONENT) == (
         reference.FOOTPRINT_SCALE, reference.FOOTPRINT_EXPONENT)
-    counts = paths.shader_file("counts.h").read_text(encoding="utf-8")
+    headers = ("counts_table.h", "counts.h")
+    counts = "".join(paths.shader_file(name).read_text(encoding="utf-8") for name in headers)
     for name in ("FAR_SIDE", "FAR_SIDE_SUBSET", "FAR_SIDE_LONG"):
         assert f"#define {name} {getattr(footprints, name)}\n" in counts
     assert f"FAR_SIDE_LONG : {footprints.NARROWER_BINS} * widest)" in counts
