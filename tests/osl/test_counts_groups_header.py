@@ -77,10 +77,10 @@ def groups():
     fields = inputs.fill("footprint", **footprint_fields(axes))
     inputs.statements("Query query; query.footprint = footprint;")
     values = inputs.fill("query", u=rng.uniform(-0.5, 1500, ROWS), v=rng.uniform(-0.5, 1500, ROWS),
-                         random=rng.uniform(0, 1, (ROWS, 3)))
+                         random=rng.uniform(0, 1, (ROWS, 3)), hint_count=rng.integers(1, 9, ROWS))
     g = inputs.add("g", rng.integers(0, twin.FAR_GROUPS, ROWS))
     query = SimpleNamespace(
-        middle=np.stack([values.u, values.v], axis=1), random=values.random,
+        middle=np.stack([values.u, values.v], axis=1), random=values.random, hint_count=values.hint_count,
         axes=np.array([[fields.ux, fields.uy], [fields.vx, fields.vy]]).transpose(2, 0, 1),
     )
     results = [*ELLIPSE, "blocks.side_u", "blocks.side_v", *(f"blocks.{name}" for name in BLOCKS), "drawn.count",
@@ -166,10 +166,10 @@ SURE = """
   float weights[MOST_GROUPS];
   float total = 0;
   for (int k = 0; k < count; ++k) {
-    weights[k] = in[1 + k];
+    weights[k] = in[2 + k];
     total += weights[k];
   }
-  float sure = sure_weight(weights, count, total);
+  float sure = sure_weight(weights, count, read, total);
 """
 
 
@@ -177,18 +177,19 @@ def test_the_sure_weight_reads_as_many_groups_as_asked_for():
     rng = np.random.default_rng(2)
     inputs = Inputs()
     count = inputs.add("count", rng.integers(1, twin.MOST_GROUPS + 1, ROWS))
+    read = inputs.add("read", rng.integers(1, twin.DRAWN_GROUPS + 1, ROWS))
     weights = np.exp(2 * rng.normal(size=(twin.MOST_GROUPS, ROWS)))
     weights[:, :100] = 0.7  # all alike
     weights = np.array([inputs.add(f"weight_{k}", values) for k, values in enumerate(weights)]).T
     osl = call(HEADER, inputs, SURE, ("sure",))["sure"]
-    expected = np.array([twin.sure_weight(row[:number]) for row, number in zip(weights, count, strict=True)])
-    np.testing.assert_array_equal(osl == 0, count <= twin.DRAWN_GROUPS)
+    expected = np.array([twin.sure_weight(weights[row, : count[row]], read[row]) for row in range(ROWS)])
+    np.testing.assert_array_equal(osl == 0, count <= read)
     # What is left of the total after the larger weights is a difference.
     lost = weights.sum(axis=1) / np.maximum(expected, 1e-30)
     assert (np.abs(osl - expected) <= ROUNDING * np.maximum(lost, 1) * expected).all()
     several = np.flatnonzero(expected > 0)
-    read = [np.minimum(weights[row, : count[row]] / osl[row], 1).sum() for row in several]
-    np.testing.assert_allclose(read, twin.DRAWN_GROUPS, rtol=1e-3)
+    found = [np.minimum(weights[row, : count[row]] / osl[row], 1).sum() for row in several]
+    np.testing.assert_allclose(found, read[several], rtol=1e-3)
     assert len(several) > 0.7 * ROWS
 
 
@@ -216,12 +217,13 @@ def test_the_drawn_groups_stand_for_all(groups):
         if not own.is_random[row]:
             assert osl["drawn.total"][row] == pytest.approx(total, rel=5e-3)
         assert osl["all"][row] == pytest.approx(osl["drawn.total"][row], rel=1e-4)
-        sure = 0.0 if own.is_random[row] else twin.sure_weight(all_weights.sum(axis=1))
+        read = int(twin.groups_read(query.hint_count[row]))
+        sure = 0.0 if own.is_random[row] else twin.sure_weight(all_weights.sum(axis=1), read)
         drawn, weights, is_clear = twin.drawn_groups(all_places, all_weights, sure, query.random[row, 2])
         if own.is_random[row]:
             assert osl["drawn.count"][row] == own.groups[row]
             continue
-        assert osl["drawn.count"][row] <= twin.DRAWN_GROUPS + 1
+        assert osl["drawn.count"][row] <= read + 1
         # A group on the rim weighs nothing or hardly anything, as rounding has it.
         if not is_clear or len(drawn) != osl["drawn.count"][row] or len(drawn) > READ:
             continue

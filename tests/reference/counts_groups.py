@@ -14,6 +14,7 @@ FAR_GROUPS = int(constants("counts_table.h")["FAR_GROUPS"])
 PLASTIC = np.array([constants("query.h")[f"PLASTIC_{k}"] for k in (1, 2)])
 MOST_GROUPS = int(NUMBERS["MOST_GROUPS"])
 DRAWN_GROUPS = int(NUMBERS["DRAWN_GROUPS"])
+SHARED_GROUPS = int(NUMBERS["SHARED_GROUPS"])
 
 
 def kernel(t):
@@ -73,15 +74,20 @@ def group_under(blocks, level, query, g):
     return group, np.stack(weights, axis=1)
 
 
-def sure_weight(weights):
+def groups_read(hint_count):
+    """How many groups a sample reads for each of its hints."""
+    return np.minimum(DRAWN_GROUPS, -(-SHARED_GROUPS // hint_count))
+
+
+def sure_weight(weights, read):
     """The weight from which a group is always read, for one list of weights: that by which the expectation of how many
-    are read is DRAWN_GROUPS; 0: all are read. Found by trying each number of groups that are always read."""
-    if len(weights) <= DRAWN_GROUPS:
+    are read is `read`; 0: all are read. Found by trying each number of groups that are always read."""
+    if len(weights) <= read:
         return 0.0
     lightest = np.sort(weights)
-    for large in range(DRAWN_GROUPS):
+    for large in range(read):
         light = lightest[: len(lightest) - large]
-        sure = light.sum() / (DRAWN_GROUPS - large)
+        sure = light.sum() / (read - large)
         if light[-1] <= sure:
             return sure
     raise AssertionError("no weight reads as many groups")
