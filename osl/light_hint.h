@@ -159,19 +159,19 @@ void turn_over(Footprint footprint, output HalfVector hint)
   hint.ball_growth = forms_norm(hint.f1, hint.f2) + (hint.radius + hint.reach) * length(hint.f3);
 }
 
-/* Whether any normal whose slope lies between low and high can lie in the region around h. All normals of that box are
- * convex combinations of its corners, so none lies in the region if all corners lie beyond the same side of a square
- * around the region, or behind h's horizon. The test uses linear forms, so it holds for corners on both sides of the
+/* Whether any convex combination of four normals can have a slope within `r` of the half vector; in doubt yes.
+ * offset_u, offset_v: where it lies, in texels. None can if all four lie beyond the same side of a square around the
+ * half vector, or behind its horizon. The test uses linear forms, so it holds for normals on both sides of the
  * horizon too. */
-int map_reaches_hint(HalfVector hint, vector low, vector high)
+int hull_reaches_hint(HalfVector hint, vector corners[4], float offset_u, float offset_v, float r)
 {
-  float r = hint.radius + hint.reach;
+  vector f1 = hint.f1 + (offset_u * hint.turn_u1 + offset_v * hint.turn_v1) * hint.f3;
+  vector f2 = hint.f2 + (offset_u * hint.turn_u2 + offset_v * hint.turn_v2) * hint.f3;
   int sides[5] = { 1, 1, 1, 1, 1 };
   for (int corner = 0; corner < 4; ++corner) {
-    vector n = vector(corner % 2 ? high[0] : low[0], corner / 2 ? high[1] : low[1], 1.0);
-    float limit = r * dot(n, hint.f3);
-    float x1 = dot(n, hint.f1);
-    float x2 = dot(n, hint.f2);
+    float limit = r * dot(corners[corner], hint.f3);
+    float x1 = dot(corners[corner], f1);
+    float x2 = dot(corners[corner], f2);
     sides[0] = sides[0] && limit <= 0.0;
     sides[1] = sides[1] && x1 >= limit;
     sides[2] = sides[2] && x1 <= -limit;
@@ -179,4 +179,13 @@ int map_reaches_hint(HalfVector hint, vector low, vector high)
     sides[4] = sides[4] && x2 <= -limit;
   }
   return !(sides[0] || sides[1] || sides[2] || sides[3] || sides[4]);
+}
+
+/* Whether any normal whose slope lies between low and high can lie in the region around h: all are convex combinations
+ * of the corners of that box. */
+int map_reaches_hint(HalfVector hint, vector low, vector high)
+{
+  vector corners[4] = { vector(low[0], low[1], 1.0), vector(high[0], low[1], 1.0), vector(low[0], high[1], 1.0),
+                        vector(high[0], high[1], 1.0) };
+  return hull_reaches_hint(hint, corners, 0.0, 0.0, hint.radius + hint.reach);
 }

@@ -76,6 +76,18 @@ void visit_patch(output Map map, Query query, Visit visit, output Selection s)
   Patch patch = map_patch(map, visit.i, visit.j);
   int columns = visit.is_point ? 1 : patch_columns(patch, query.facet.alpha);
   int rows = visit.is_point ? 1 : patch_rows(patch, query.facet.alpha);
+  if (columns * rows > 1) {
+    /* Skip the parts of a patch that no hint can select: the turn is that of its middle, give or take patch_turn. */
+    vector corners[4] = { patch.n00, patch.n10, patch.n01, patch.n11 };
+    int reached = 0;
+    for (int h = visit.from; h < visit.to && !reached; ++h) {
+      reached = hull_reaches_hint(query.hints[h], corners, visit.offset_u + 0.5, visit.offset_v + 0.5,
+                                  query.hints[h].radius + query.hints[h].patch_turn);
+    }
+    if (!reached) {
+      return;
+    }
+  }
   PatchPart part = visit.place;
   if (!visit.is_point) {
     part.first_a = UNIFORM_DEVIATION / columns;

@@ -128,19 +128,29 @@ def test_where_a_light_with_a_cone_shines():
     np.testing.assert_array_equal(osl[flat, 0] != 0, front[flat] > 0)
 
 
-def test_whether_a_map_reaches_a_hint():
+def test_whether_a_map_or_a_patch_reaches_a_hint():
     rng = np.random.default_rng(7)
     given = Inputs()
     frames = np.linalg.qr(rng.normal(size=(ROWS, 3, 3)))[0] + 0.05 * rng.normal(size=(ROWS, 3, 3))
     forms = given.vectors(", ".join(FORMS), frames * np.where(frames[:, 2:, 2:] < 0, -1.0, 1.0))
     radius = given.floats("hint.radius", rng.uniform(0.02, 0.5, ROWS))
     reach = given.floats("hint.reach", rng.uniform(0, 0.1, ROWS))
+    rates = [given.floats(f"hint.turn_{name}", 0.05 * rng.normal(size=ROWS)) for name in ("u1", "v1", "u2", "v2")]
+    offset = [given.floats(f"float offset_{name}", 5 * rng.normal(size=ROWS)) for name in "uv"]
     low = rng.normal(size=(ROWS, 2)) * 0.5
     boxes = np.stack([low, low + rng.uniform(0, 0.6, (ROWS, 2))], axis=1)
     boxes = given.vectors("vector low, vector high", np.append(boxes, np.zeros((ROWS, 2, 1)), axis=2))
-    osl = given.evaluate(HEADERS, "HalfVector hint;", "", ("map_reaches_hint(hint, low, high)",))
+    middle = np.append(low, np.ones((ROWS, 1)), axis=1)[:, None]
+    patch = given.vectors("vector n0, vector n1, vector n2, vector n3", middle + 0.2 * rng.normal(size=(ROWS, 4, 3)))
+    body = """
+      vector corners[4] = { n0, n1, n2, n3 };
+      int reached = hull_reaches_hint(hint, corners, offset_u, offset_v, hint.radius);
+    """
+    osl = given.evaluate(HEADERS, "HalfVector hint;", body, ("map_reaches_hint(hint, low, high)", "reached"))
     hint = light_hint.HalfVector(None, None, forms, None, radius, None, reach=reach)
     assert_flags_agree(osl[:, 0], *light_hint.map_reaches_hint(hint, boxes[:, 0, :2], boxes[:, 1, :2]))
+    turn = np.stack([rates[0] * offset[0] + rates[1] * offset[1], rates[2] * offset[0] + rates[3] * offset[1]], axis=1)
+    assert_flags_agree(osl[:, 1], *light_hint.hull_reaches_hint(hint, patch.transpose(1, 0, 2), turn, radius))
 
 
 # --- normal_frame.h ---

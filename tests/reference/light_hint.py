@@ -142,17 +142,23 @@ def turn_over_texels(extent, hint):
     return replace(hint, turn=turn, reach=reach, ball_growth=growth)
 
 
-def map_reaches_hint(hint, low, high):
-    """Whether any normal with slopes between low and high, (n, 2) each, can come within the region of h; by how much.
+def hull_reaches_hint(hint, corners, turn, r):
+    """Whether a combination of normals `corners` (4, n, 3), whose slopes turn by `turn` (n, 2), can come within r of h.
 
-    None can if all corners of that box of slopes lie beyond one side of a square around the region, or behind h.
+    By how much, too (positive: it can). None can if all lie beyond one side of a square around h, or behind it.
     """
-    corners = [
+    x, y, along = np.einsum("nfk,cnk->fcn", hint.forms, corners)
+    x, y = x + turn[:, 0] * along, y + turn[:, 1] * along
+    limit = r * along
+    margin = np.min([side.max(axis=0) for side in (along, limit - x, limit + x, limit - y, limit + y)], axis=0)
+    return margin > 0, margin
+
+
+def map_reaches_hint(hint, low, high):
+    """Whether any normal with slopes between low and high, (n, 2), can come within the region of h; by how much."""
+    corners = np.stack([
         np.stack([(high if u else low)[:, 0], (high if v else low)[:, 1], np.ones(len(low))], axis=-1)
         for v in (0, 1)
         for u in (0, 1)
-    ]
-    x, y, along = np.einsum("nfk,cnk->fcn", hint.forms, corners)
-    limit = (hint.radius + hint.reach) * along
-    margin = np.min([side.max(axis=0) for side in (along, limit - x, limit + x, limit - y, limit + y)], axis=0)
-    return margin > 0, margin
+    ])
+    return hull_reaches_hint(hint, corners, np.zeros((len(low), 2)), hint.radius + hint.reach)
