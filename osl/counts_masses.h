@@ -1,5 +1,6 @@
 #pragma once
-/* How many elements lie in the cells of a hint: their mass, over the groups that a sample reads. */
+/* How many elements lie in the cells of a hint: their mass, over the groups that a sample reads, added before
+ * cells are drawn: decision 69. */
 
 #include "counts_cells.h"
 #include "counts_groups.h"
