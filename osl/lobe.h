@@ -57,16 +57,16 @@ int grid_footprint(View view, Map map, output PixelGrid grid, output Footprint w
   return (mode == MODE_ALL || mode == MODE_POINTS) && far_block(map.counts, widest, FAR_SIDE_FIRST) == 0;
 }
 
-/* By how much to make a query's footprint smaller, 0..1: its turn is limited to LARGEST_FOOTPRINT_TURN, and to
+/* By how much to make a query's footprint smaller, 0..1: its turn is limited to `largest_turn`, and to
  * SPARE_TURN where it has more than LARGEST_VISIT elements. */
-float footprint_scale(Query query, float samples)
+float footprint_scale(Query query, float samples, float largest_turn)
 {
   float scale = 1.0;
   float spare = 1.0;
   for (int k = 0; k < query.hint_count; ++k) {
     /* A little less than counts may turn, whatever rounding does. */
     float widest = (samples > 1.0 ? SPARE_TURN : 0.999 * FAR_TURN) * query.hints[k].radius;
-    scale = min(scale, LARGEST_FOOTPRINT_TURN / max(query.hints[k].turn, LARGEST_FOOTPRINT_TURN));
+    scale = min(scale, largest_turn / max(query.hints[k].turn, largest_turn));
     spare = min(spare, widest / max(query.hints[k].turn, widest));
   }
   float area = query.footprint.area;
@@ -124,7 +124,10 @@ float fit_footprint(Lights lights, NormalFrame frame, View view, Map map, output
   int is_scaled = 0;
   for (int is_done = 0; !is_done;) {
     keep_reached(map, query);
-    float scale = is_scaled ? 1.0 : footprint_scale(query, view.samples);
+    float scale = 1.0;
+    if (!is_scaled) {
+      scale = footprint_scale(query, view.samples, is_grid ? GRID_TURN : LARGEST_FOOTPRINT_TURN);
+    }
     is_done = scale == 1.0 || query.hint_count == 0;
     if (is_grid && !is_done) {
       query.footprint = own;

@@ -26,6 +26,10 @@
  * apart. */
 #define GRID_STRAY 0.01
 
+/* Largest turn (slope) within the widest footprint: totals do not make up for the light that is lost where a turn is
+ * not linear (see LARGEST_FOOTPRINT_TURN). */
+#define GRID_TURN 0.25
+
 struct PixelGrid {
   int is_known;
   float radius_x; /* pixels, of the footprint along either pixel axis */

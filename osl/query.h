@@ -124,6 +124,14 @@ void spread_over_part(HalfVector hint, Patch patch, PatchPart part, output Slope
   lobe.c22 = e2 * e2 + g2 * g2;
 }
 
+/* Whether all of a patch lies above the horizon of hint k. Parts of one that crosses it are not selected: there the
+ * slope changes too much within a part. */
+int patch_is_above(Query query, int k, Patch patch)
+{
+  vector f3 = query.hints[k].f3;
+  return min(min(dot(patch.n00, f3), dot(patch.n10, f3)), min(dot(patch.n01, f3), dot(patch.n11, f3))) > 0.0;
+}
+
 /* Whether the query selects the element at the hit point: then the remainder must leave it out. A part of a patch is
  * judged by the normal in its middle, as when it is visited. */
 int hit_is_selected(Query query, output Map map, Hit hit, int mode)
@@ -131,8 +139,11 @@ int hit_is_selected(Query query, output Map map, Hit hit, int mode)
   vector n = hit.n;
   float offset_u = 0.0;
   float offset_v = 0.0;
+  Patch patch;
+  if (map.is_linear) {
+    patch = map_patch(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
+  }
   if (map.is_linear && mode != MODE_POINTS) {
-    Patch patch = map_patch(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
     int columns = patch_columns(patch, query.facet.alpha);
     int rows = patch_rows(patch, query.facet.alpha);
     float a = (min(floor((hit.u - hit.i) * columns), columns - 1.0) + 0.5) / columns;
@@ -142,5 +153,6 @@ int hit_is_selected(Query query, output Map map, Hit hit, int mode)
     offset_v = hit.j + b - hit.v;
   }
   float p1, p2;
-  return selecting_hint(query, n, offset_u, offset_v, p1, p2) >= 0;
+  int found = selecting_hint(query, n, offset_u, offset_v, p1, p2);
+  return found >= 0 && (!map.is_linear || patch_is_above(query, found, patch));
 }

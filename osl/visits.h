@@ -103,7 +103,7 @@ void visit_patch(output Map map, Query query, Visit visit, output Selection s)
     SlopeLobe lobe = { visit.weight / (columns * rows), 0.0, 0.0, 0.0, 0.0, 0.0 };
     int found = selecting_hint(query, patch_normal(patch, part.a, part.b), visit.offset_u + part.a,
                                visit.offset_v + part.b, lobe.p1, lobe.p2);
-    if (found >= visit.from && found < visit.to) {
+    if (found >= visit.from && found < visit.to && patch_is_above(query, found, patch)) {
       spread_over_part(query.hints[found], patch, part, lobe);
       select_element(s, found, query.hints[found].radius, lobe);
     }

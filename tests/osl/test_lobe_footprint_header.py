@@ -168,7 +168,7 @@ def test_the_hints_of_a_query_those_that_the_map_reaches_and_how_small_its_footp
       add_hints(lights, frame, view, query);
       int added = query.hint_count;
       keep_reached(map, query);
-      float scale = footprint_scale(query, view.samples);
+      float scale = footprint_scale(query, view.samples, LARGEST_FOOTPRINT_TURN);
     """
     declarations = VIEW + "Facet facet; facet.distribution = \"ggx\"; Lights lights; NormalFrame frame;" + BOUNDED
     osl = given.evaluate(HEADERS, declarations, body, (*shown_hints("query.hint_count"), "scale", "added", *SURFACE),
@@ -217,9 +217,11 @@ def test_a_footprint_is_fitted_to_what_its_hints_allow(on_grid):
         widest = grid_footprints(seen, texels, grid.widest)
         mode = lobe.query_modes(widest, 4096)
         wide_hints, wide_margin = lobe.keep_reached(hints, widest, *BOUNDS, 0.7)
-        scale = np.where(lobe.used(wide_hints) > 0, lobe.footprint_scale(wide_hints, widest.area, samples), 1.0)
+        scale = lobe.footprint_scale(wide_hints, widest.area, samples, pixel_grid.GRID_TURN)
+        scale = np.where(lobe.used(wide_hints) > 0, scale, 1.0)
         is_grid = known & np.isin(mode, (query.MODE_ALL, query.MODE_POINTS)) & (scale == 1.0)
-        numbers = (widest.long_axis / 0.5, widest.area / 4096, np.max([hint.turn for hint in wide_hints], axis=0))
+        turn = np.max([hint.turn for hint in wide_hints], axis=0)
+        numbers = (widest.long_axis / 0.5, widest.area / 4096, turn, turn / pixel_grid.GRID_TURN)
         clear = (np.abs(np.stack(numbers) - 1) > 4 * PIXELS).all(axis=0)
         margin = np.where(clear, np.minimum(margin, wide_margin), 0.0)
         fitted = grid_footprints(seen, texels, grid.radius[:, 0])

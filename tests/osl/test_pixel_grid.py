@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import bpy
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from glint_addon.materials.create import create_glint_material
 from glint_addon.nodes.driven import write_number
 from glint_addon.nodes.glint_bsdf import GRID_NODE, PIXEL_GRID
 from glint_addon.nodes.map_tables import SCRIPT_NODE
+from glint_addon.paths import shader_file
 from glint_addon.prepare.scene import prepare_scene
 from tests.helpers import cycles
 from tests.helpers.osl_functions import CAMERA_DISTANCE, ROWS, SIDE, evaluate
@@ -92,6 +95,13 @@ def test_the_totals_of_a_pixels_samples_have_the_mean_one(samples):
 def test_a_single_glint_is_seen_better_than_through_round_footprints(samples, gain):
     plain = footprint_law.errors(samples, (footprint.footprint_radius(float(samples)),), scrambles=8)[0]
     assert footprint_law.grid_errors(samples, scrambles=8) < gain * plain
+
+
+def test_the_constants_are_those_of_the_twin():
+    header = shader_file("pixel_grid.h").read_text(encoding="utf-8")
+    defined = {name: float(value) for name, value in re.findall(r"^#define (\w+) ([\d.e-]+)$", header, re.MULTILINE)}
+    own = {name: value for name, value in vars(twin).items() if name.startswith("GRID_")}
+    assert len(own) == 7 and own.items() <= defined.items()
 
 
 # --- Where it is used ---

@@ -65,8 +65,13 @@ def test_the_covariance_of_the_slopes_of_a_part_of_a_patch():
     a, b = given.floats("part.a, part.b", rng.uniform(0, 1, (ROWS, 2))).T
     spread = given.floats("part.first_a, part.first_b, part.second_a, part.second_b", rng.normal(size=(ROWS, 4)))
     declarations = declared_query([hint]) + "Patch patch; PatchPart part;"
+    low = hint.forms[:, 2][:, None] + 0.6 * rng.normal(size=(ROWS, 4, 3))
+    low = given.vectors(CORNERS.replace("patch", "low"), low)
+    declarations += "Patch low;"
     osl = given.evaluate(HEADERS, declarations, "SlopeLobe lobe; spread_over_part(hint0, patch, part, lobe);",
-                         ("lobe.c11", "lobe.c12", "lobe.c22"))
+                         ("lobe.c11", "lobe.c12", "lobe.c22", "patch_is_above(query, 0, low)"))
+    assert_flags_agree(osl[:, 3], *query.patch_is_above(hint, low))
+    osl = osl[:, :3]
     n = normal_map.patch_normal(patch, a, b)
     along = np.einsum("nk,nk->n", hint.forms[:, 2], n)
     seen = along > 0.05  # nearer the horizon slopes have no size to be compared by

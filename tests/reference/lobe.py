@@ -43,14 +43,14 @@ def round_footprint(surface, texels, samples, diffuse_distance):
     return valid, footprints.scale_footprint(np.where(after_bounce, scale, 1.0), footprint)
 
 
-def footprint_scale(hints, area, samples):
-    """By how much (n,) to make footprints smaller for the hints that are used."""
+def footprint_scale(hints, area, samples, largest_turn=LARGEST_FOOTPRINT_TURN):
+    """By how much (n,) to make footprints smaller for the hints that are used, which may turn by `largest_turn`."""
     scale, spare = np.ones(len(area)), np.ones(len(area))
     for hint in hints:
         used = hint.radius > 0
         turn = np.maximum(hint.turn, 1e-30)
         widest = np.where(samples > 1.0, SPARE_TURN, 0.999 * FAR_TURN) * hint.radius
-        scale = np.where(used, np.minimum(scale, LARGEST_FOOTPRINT_TURN / turn), scale)
+        scale = np.where(used, np.minimum(scale, largest_turn / turn), scale)
         spare = np.where(used, np.minimum(spare, widest / turn), spare)
     return np.where(area > LARGEST_VISIT, np.minimum(scale, np.maximum(spare, np.sqrt(LARGEST_VISIT / area))), scale)
 

@@ -15,6 +15,7 @@ GRID_FIRST_SAMPLE = 2e-3
 GRID_MEAN_2 = 0.081692
 GRID_MEAN_4 = 0.012179
 GRID_ROUND = 1.05
+GRID_TURN = 0.25
 FOOTPRINT_EXPONENT = 0.21
 # The fitted numbers are the shader's own: r0, r2, t2, t4, r1 at 4, 8, 16, ... samples, (5, 9).
 NUMBERS = np.array([

@@ -83,8 +83,23 @@ def hit_place(normals, strength, alpha, hit, is_whole):
     return patch_normal(patch, *at), hit.i + at[0] - hit.u, hit.j + at[1] - hit.v
 
 
+def patch_is_above(hint, patch):
+    """Whether all of each patch (n, 4, 3) lies above the hint's horizon, and by how much (positive: yes)."""
+    along = np.einsum("nk,nck->nc", hint.forms[:, 2], patch).min(axis=1)
+    return along > 0, along
+
+
+def above_margin(hints, found, patch):
+    """By how much (n,) each patch lies above the horizon of the hint that selects of it; infinite where none does."""
+    margins = np.stack([patch_is_above(hint, patch)[1] for hint in hints])[np.maximum(found, 0), np.arange(len(found))]
+    return np.where(found >= 0, margins, np.inf)
+
+
 def hit_is_selected(hints, normals, strength, alpha, hit, *, is_linear, mode):
     """Whether some hint selects the element at each hit point, and the distance of that from its limit."""
     place = hit_place(normals, strength, alpha, hit, not is_linear or mode == MODE_POINTS)
     found, _, margin = selecting_hint(hints, *place)
-    return found >= 0, margin
+    above = np.full(len(found), np.inf)
+    if is_linear:
+        above = above_margin(hints, found, map_patch(normals, strength, hit.i, hit.j))
+    return (found >= 0) & (above > 0), np.minimum(margin, np.abs(above))

@@ -11,7 +11,7 @@ import numpy as np
 
 from .footprint import KERNEL_VARIANCE, ellipse_square, footprint_ellipse, footprint_kernel, footprint_sample
 from .map import map_normal, map_patch, patch_columns, patch_normal, patch_rows
-from .query import MODE_ALL, MODE_POINTS, selecting_hint, spread_over_part
+from .query import MODE_ALL, MODE_POINTS, above_margin, selecting_hint, spread_over_part
 
 SURE_WEIGHT = 0.75
 POINTS_PER_TEXEL = 4.0
@@ -150,6 +150,8 @@ def visit_patch(hints, normals, strength, alpha, visits, queries, between=(0, 8)
     a, b = place[:, :2].T
     many = [hint.at(visits.row) for hint in hints]
     found, slopes, margin = selecting_hint(many, patch_normal(patch, a, b), visits.offset_u + a, visits.offset_v + b)
+    above = above_margin(many, found, patch)
+    found, margin = np.where(above > 0, found, -1), np.minimum(margin, np.abs(above))
     covariance = np.stack([spread_over_part(hint, patch, a, b, place[:, 2:4], place[:, 4:]) for hint in many])
     covariance = covariance[np.maximum(found, 0), np.arange(len(found))]
     lobe = np.concatenate([(visits.weight / share)[:, None], slopes, covariance], axis=1)
