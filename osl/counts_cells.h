@@ -1,7 +1,7 @@
 #pragma once
 /* Which rectangles of bins a sample reads around each half vector: the cells. The selection is the cells of all half
- * vectors, and the remainder leaves out exactly their bins (hit_is_counted), so no element is lost or counted twice,
- * wherever the cells lie. */
+ * vectors, and the remainder leaves out exactly their bins (hit_is_counted), so no element is lost, wherever the cells
+ * lie. Where the cells of two near lamps overlap and turn apart, a strip of bins may count twice. */
 
 #include "counts_table.h"
 #include "query.h"

@@ -140,6 +140,7 @@ float fit_footprint(Lights lights, NormalFrame frame, View view, Map map, output
       is_scaled = 1;
     }
   }
+  query.is_on_grid = is_grid;
   if (!is_grid) {
     return 1.0;
   }
@@ -221,8 +222,8 @@ closure color glint_lobe(Facet facet, output Map map, NormalFrame frame, Hit hit
     return plain;
   }
   int mode = query_mode(query.footprint, map.visits);
-  if (mode == MODE_SINGLE && share != 1.0) {
-    mode = MODE_POINTS; /* a footprint on the pixel grid, whose widest is wider */
+  if (mode == MODE_SINGLE && query.is_on_grid) {
+    mode = MODE_POINTS; /* the widest footprint decides, and that is wider than an element */
   }
   if (mode == MODE_SINGLE) {
     map.costs.left = LEFT_WITHIN_TEXEL;

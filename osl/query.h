@@ -29,6 +29,7 @@ struct Query {
   float u; /* the hit's texel coordinates */
   float v;
   Footprint footprint;
+  int is_on_grid; /* whether the footprint follows the pixel grid (pixel_grid.h) */
   Facet facet;
   HalfVector hints[HINT_COUNT];
   int hint_count;
