@@ -40,12 +40,13 @@ int round_footprint(View view, output Footprint footprint)
 }
 
 /* The footprint on the pixel grid. Whether it is used must not depend on the sample's place in the grid, or light would
- * be gained or lost: so the widest footprint, which is returned, decides. Counted footprints hold so many elements that
- * the noise of the totals costs more. */
-int grid_footprint(View view, Map map, output PixelGrid grid, output Footprint widest)
+ * be gained or lost: so the round footprint and the widest one, which is returned, decide. A close view, whose round
+ * footprint lies within one element, is answered by that element; counted footprints hold so many elements that the
+ * noise of the totals costs more. */
+int grid_footprint(View view, Map map, Footprint own, output PixelGrid grid, output Footprint widest)
 {
   Matrix2 surface;
-  if (!view.on_grid) {
+  if (!view.on_grid || query_mode(own, map.visits) == MODE_SINGLE) {
     return 0;
   }
   grid = grid_here(view.samples);
@@ -114,7 +115,7 @@ float fit_footprint(Lights lights, NormalFrame frame, View view, Map map, output
   PixelGrid grid;
   Footprint widest;
   Footprint own = query.footprint;
-  int is_grid = grid_footprint(view, map, grid, widest);
+  int is_grid = grid_footprint(view, map, own, grid, widest);
   if (is_grid) {
     query.footprint = widest;
   }
@@ -223,7 +224,7 @@ closure color glint_lobe(Facet facet, output Map map, NormalFrame frame, Hit hit
   }
   int mode = query_mode(query.footprint, map.visits);
   if (mode == MODE_SINGLE && query.is_on_grid) {
-    mode = MODE_POINTS; /* the widest footprint decides, and that is wider than an element */
+    mode = MODE_POINTS; /* narrow here, but wider than an element elsewhere in the pixel */
   }
   if (mode == MODE_SINGLE) {
     map.costs.left = LEFT_WITHIN_TEXEL;

@@ -75,25 +75,33 @@ def grid_footprints(seen, texels, radius):
     return footprints.surface_footprint(surface, texels)[1]
 
 
+def grid_is_used(known, own, widest, visits):
+    """Where footprints `own` (round) and `widest` let the grid decide, and where rounding cannot change that."""
+    used = known & (lobe.query_modes(own, visits) != query.MODE_SINGLE)
+    used &= np.isin(lobe.query_modes(widest, visits), (query.MODE_ALL, query.MODE_POINTS))
+    numbers = (own.long_axis / 0.5, widest.long_axis / 0.5, widest.short_axis / 1.0, widest.area / visits)
+    return used, (np.abs(np.stack(numbers) - 1) > 4 * PIXELS).all(axis=0)
+
+
 PIXELS = 5e-3  # how well the raster's derivatives are known: see test_pixel_grid.py
 
 
-def test_footprints_on_the_pixel_grid_are_used_where_the_widest_is_visited_whole_or_by_points():
+def test_footprints_on_the_pixel_grid_are_used_where_several_elements_are_visited_whole_or_by_points():
     rng = np.random.default_rng(2)
     given = Inputs()
-    texels, samples, _ = give_view(given, random_texels(rng, 0.1, 60), 2.0 ** rng.integers(0, 10, ROWS), np.zeros(ROWS))
+    texels, samples, bounce = give_view(given, random_texels(rng, 0.1, 60), 2.0 ** rng.integers(0, 10, ROWS), np.zeros(ROWS))
     given.ints("view.on_grid", np.arange(ROWS) % 8 > 0)
     declarations = VIEW + "PixelGrid grid; Map map; map.visits = 300; map.counts.first = 0; map.counts.levels = 0;"
-    osl = given.evaluate(HEADERS, declarations, "int used = grid_footprint(view, map, grid, f);",
+    body = "Footprint own; round_footprint(view, own); int used = grid_footprint(view, map, own, grid, f);"
+    osl = given.evaluate(HEADERS, declarations, body,
                          ("used", *(f"used ? {name} : 0" for name in FIELDS), "used ? grid.radius_x : 0", *SURFACE),
                          rotation=TURNED)
     seen = surface_of(osl)
     known, grid = pixel_grid.pixel_grid(np.full((ROWS, 2), pixel_grid.GRID_MIDDLE), samples)
     widest = grid_footprints(seen, texels, grid.widest)
-    mode = lobe.query_modes(widest, 300)
-    wanted = known & (np.arange(ROWS) % 8 > 0) & np.isin(mode, (query.MODE_ALL, query.MODE_POINTS))
-    numbers = (widest.long_axis / 0.5, widest.short_axis / 1.0, widest.area / 300)
-    clear = (np.abs(np.stack(numbers) - 1) > 4 * PIXELS).all(axis=0)
+    own = lobe.round_footprint(seen, texels, samples, bounce)[1]
+    wanted, clear = grid_is_used(known & (np.arange(ROWS) % 8 > 0), own, widest, 300)
+    assert (lobe.query_modes(own, 300) == query.MODE_SINGLE)[lobe.query_modes(widest, 300) != query.MODE_SINGLE].any()
     assert clear.mean() > 0.9 and 0.2 < wanted.mean() < 0.8
     np.testing.assert_array_equal(osl[clear, 0] != 0, wanted[clear])
     both = clear & wanted
@@ -215,14 +223,13 @@ def test_a_footprint_is_fitted_to_what_its_hints_allow(on_grid):
     if on_grid:
         known, grid = pixel_grid.pixel_grid(np.full((ROWS, 2), pixel_grid.GRID_MIDDLE), samples)
         widest = grid_footprints(seen, texels, grid.widest)
-        mode = lobe.query_modes(widest, 4096)
+        is_used, is_clear = grid_is_used(known, own, widest, 4096)
         wide_hints, wide_margin = lobe.keep_reached(hints, widest, *BOUNDS, 0.7)
         scale = lobe.footprint_scale(wide_hints, widest.area, samples, pixel_grid.GRID_TURN)
         scale = np.where(lobe.used(wide_hints) > 0, scale, 1.0)
-        is_grid = known & np.isin(mode, (query.MODE_ALL, query.MODE_POINTS)) & (scale == 1.0)
+        is_grid = is_used & (scale == 1.0)
         turn = np.max([hint.turn for hint in wide_hints], axis=0)
-        numbers = (widest.long_axis / 0.5, widest.area / 4096, turn, turn / pixel_grid.GRID_TURN)
-        clear = (np.abs(np.stack(numbers) - 1) > 4 * PIXELS).all(axis=0)
+        clear = is_clear & (np.abs(np.stack([turn, turn / pixel_grid.GRID_TURN]) - 1) > 4 * PIXELS).all(axis=0)
         margin = np.where(clear, np.minimum(margin, wide_margin), 0.0)
         fitted = grid_footprints(seen, texels, grid.radius[:, 0])
         footprint = footprints.Footprint(*(
