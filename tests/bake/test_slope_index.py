@@ -17,6 +17,7 @@ from glint_addon.paths import disk_path
 from glint_addon.seen import footprints
 from tests.helpers import cycles
 from tests.helpers.normals import random_normals
+from tests.helpers.seeds import rendered_seeds
 from tests.helpers.stress_marks import thinned
 from tests.reference.selection import CLOSURE_BUDGET
 
@@ -145,11 +146,6 @@ def wall(scene, tmp_path):
     return cycles.add_plane(scene, repeats=2.0)
 
 
-def picture_of(scene, seed):
-    scene.cycles.seed = seed
-    return cycles.rendered(scene)[..., 0]
-
-
 CASES = [("CLOSEST", 1.0), ("CLOSEST", 0.5), ("LINEAR", 1.0), ("LINEAR", 1.5)]
 
 
@@ -168,9 +164,9 @@ def test_the_index_finds_the_same_glints_at_fewer_visits(scene, wall, interpolat
     group.nodes[SCRIPT_NODE].inputs["CountsFirst"].default_value = 0
     index = table.default_value
     assert index
-    picture, count = cycles.rendered(scene), counters.counters(scene, material)
+    count = counters.counters(scene, material)
     table.default_value = ""
-    expected, plain = cycles.rendered(scene), counters.counters(scene, material)
+    plain = counters.counters(scene, material)
 
     # Where most elements mirror one of the suns the shader visits all, which is faster.
     indexed = count.mode == MODE_INDEX
@@ -182,11 +178,13 @@ def test_the_index_finds_the_same_glints_at_fewer_visits(scene, wall, interpolat
         means = []
         for name in (index, ""):
             table.default_value = name
-            means.append(np.mean([picture_of(scene, seed).mean() for seed in range(DRAWN_PICTURES)]))
+            means.append(rendered_seeds(scene, 1, DRAWN_PICTURES)[..., 0].mean())
         assert means[0] == pytest.approx(means[1], rel=DRAWN_DIFFERENCE)
         return
     assert max(count.closures.max(), plain.closures.max()) < CLOSURE_BUDGET
-    picture, expected = picture[..., 0], expected[..., 0]
+    expected = cycles.rendered(scene)[..., 0]
+    table.default_value = index
+    picture = cycles.rendered(scene)[..., 0]
     difference = np.abs(picture - expected) / np.maximum(expected, FAINT * expected.mean())
     assert expected.mean() > 0 and picture.mean() == pytest.approx(expected.mean(), rel=MEAN_DIFFERENCE)
     assert np.median(difference) < MEDIAN_DIFFERENCE and difference.max() < ROULETTE

@@ -2,47 +2,19 @@
 
 The inputs go through a float texture fetched at texel centres and the outputs through an Emission, both exactly, so a
 comparison sees only the rounding of the function itself. A picture shows three outputs; there are as many as needed,
-all of the same points.
+all of the same points and of a shader that is compiled once: the plane's pass index says which outputs it shows.
 """
 
 from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
-import bpy
 import numpy as np
 
-from glint_addon.bake.openimageio import oiio
-from glint_addon.nodes import script_node
 from tests.helpers import cycles
-
-SIDE = 32  # pixels; SIDE * SIDE input rows are rendered at once
-ROWS = SIDE * SIDE
-CAMERA_DISTANCE = 1.5  # plane widths; near, so that the view direction differs from pixel to pixel
-
-SHADER = """
-#include "stdcycles.h"
-{headers}
-shader test(point UV = point(0), point Mapped = point(0), int First = 0, output {kind} Result = 0)
-{{
-  int test_row = (int)floor(UV[1] * {side}) * {side} + (int)floor(UV[0] * {side});
-  float in[{input_size}];
-  for (int test_k = 0; test_k < {texels}; ++test_k) {{
-    color test_texel = texture("{file}", (test_k + 0.5) / {texels}, (test_row + 0.5) / {rows}, 0, 0, 0, 0);
-    in[3 * test_k] = test_texel[0];
-    in[3 * test_k + 1] = test_texel[1];
-    in[3 * test_k + 2] = test_texel[2];
-  }}
-  float out[{output_size}];
-  for (int test_k = 0; test_k < {output_size}; ++test_k) {{
-    out[test_k] = 0;
-  }}
-{body}
-{end}
-}}
-"""
-SHOWN = "  Result = color(out[First], out[First + 1], out[First + 2]);"
+from tests.helpers.osl_plane import ROWS, SHOWN, shader_source, shown_by
 
 # What may differ between OSL and float64.
 EPSILON = 2.0**-23  # float32 rounding of one operation
@@ -69,24 +41,35 @@ def assert_flags_agree(osl, twin, margin):
     np.testing.assert_array_equal(osl[clear] != 0, twin[clear])
 
 
+def assert_whole_agree(osl, twin, is_clear, least=0.97):
+    """Whole numbers (n,) or yes and no are the same where rounding does not decide: nearly everywhere; and they differ
+    from row to row."""
+    is_clear = np.broadcast_to(is_clear, np.shape(twin))
+    assert is_clear.mean() > least
+    assert len(np.unique(np.asarray(twin)[is_clear])) > 1, "the inputs do not exercise more than one answer"
+    np.testing.assert_array_equal(np.asarray(osl)[is_clear], np.asarray(twin)[is_clear])
+
+
 class Inputs:
-    """Columns of input rows, and the OSL statements that give them to variables."""
+    """Columns of input rows, and the OSL statements that give them to variables.
+
+    The methods that take values return them as OSL gets them, rounded to float32.
+    """
 
     def __init__(self):
         self.columns, self.statements = [], []
 
     def floats(self, names: str, values) -> np.ndarray:
-        """Give the variables `names` ("a, float b") one column each of `values` (n, ...); (n, ...) float64 as OSL
-        gets them, rounded to float32."""
-        return self.add(names, values, "in[{0}]", 1)
+        """Give the variables `names` ("a, float b") one column each of `values` (n, ...); (n, ...) float64."""
+        return self._give(names, values, "in[{0}]", 1)
 
     def ints(self, names: str, values) -> np.ndarray:
-        return self.add(names, values, "(int)in[{0}]", 1)
+        return self._give(names, values, "(int)in[{0}]", 1)
 
     def vectors(self, names: str, values) -> np.ndarray:
-        return self.add(names, values, "vector(in[{0}], in[{1}], in[{2}])", 3)
+        return self._give(names, values, "vector(in[{0}], in[{1}], in[{2}])", 3)
 
-    def add(self, names, values, expression, size):
+    def _give(self, names, values, expression, size):
         rounded = np.asarray(values, np.float32)
         columns = rounded.reshape(len(rounded), -1)
         names = [name.strip() for name in names.split(",")]
@@ -98,6 +81,27 @@ class Inputs:
         self.columns.append(columns)
         return rounded.astype(float)
 
+    def add(self, name: str, values) -> np.ndarray:
+        """Give a field, an array's element, or a variable that is declared here, its values: (n,) int64 of whole
+        numbers, or float64 of others (n,) and of vectors (n, 3)."""
+        values = np.asarray(values)
+        kind = "vector" if values.ndim == 2 else "int" if values.dtype.kind in "iub" else "float"
+        give = {"vector": self.vectors, "int": self.ints, "float": self.floats}[kind]
+        known = give(name if "." in name or "[" in name else f"{kind} {name}", values)
+        if kind != "int":
+            return known
+        assert (known == values).all()
+        return known.astype(np.int64)
+
+    def fill(self, name: str, **fields) -> SimpleNamespace:
+        """Give a struct that is declared already these fields."""
+        return SimpleNamespace(**{field: self.add(f"{name}.{field}", values) for field, values in fields.items()})
+
+    def structure(self, kind: str, name: str, **fields) -> SimpleNamespace:
+        """Declare a struct of the type `kind` and give it its fields."""
+        self.statements.append(f"  {kind} {name};")
+        return self.fill(name, **fields)
+
     def evaluate(self, headers, declarations: str, body: str, results, **settings) -> np.ndarray:
         """(n, len(results)) float64: the OSL expressions `results` after `body`; `declarations` come before the
         variables get their inputs."""
@@ -105,10 +109,33 @@ class Inputs:
         text = "\n".join([declarations, *self.statements, body, *shown])
         return evaluate(headers, text, np.concatenate(self.columns, axis=1), len(results), **settings).astype(float)
 
+    def call(self, header: str, body: str, results) -> Results:
+        """The OSL expressions `results` after the statements `body`, by expression."""
+        results = [*dict.fromkeys(results)]
+        return Results(zip(results, self.evaluate((header,), "", body, results).T, strict=True))
+
     def reflected(self, headers, declarations: str, body: str, sun, **settings) -> np.ndarray:
         """What the closure Result, set by `body`, reflects of a sun: see the function `reflected`."""
         text = "\n".join([declarations, *self.statements, body])
         return reflected(headers, text, np.concatenate(self.columns, axis=1), sun, **settings)
+
+
+class Results(dict):
+    """Values (n,) float64 of OSL expressions, by expression."""
+
+    def stacked(self, *names: str) -> np.ndarray:
+        """Several results as columns: (n, len(names))."""
+        return np.stack([self[name] for name in names], axis=-1)
+
+    def joined(self, expression: str) -> np.ndarray:
+        """The whole number that `split` gave as two results."""
+        high, low = split(expression)
+        return 4096 * self[high] + self[low]
+
+
+def split(expression: str) -> tuple[str, str]:
+    """A whole number as two results, because a float of the picture is exact only below 2^24."""
+    return f"({expression}) / 4096", f"({expression}) % 4096"
 
 
 def evaluate(
@@ -124,12 +151,13 @@ def evaluate(
     pictures = -(-outputs // 3)
     with tempfile.TemporaryDirectory() as folder:
         source, count = shader_source(headers, body, inputs, Path(folder), 3 * pictures, "color", SHOWN)
-        scene, node = shown_by(source, rotation, shape)
-        values = np.empty((ROWS, 3 * pictures), np.float32)
-        for first in range(0, 3 * pictures, 3):
-            node.inputs["First"].default_value = first
-            values[:, first : first + 3] = cycles.rendered(scene)[..., :3].reshape(ROWS, 3)
-    return values[:count, :outputs]
+        scene, plane = shown_by(source, rotation, shape)
+        scene.render.use_persistent_data = True  # or each picture would compile the shader again
+        values = np.empty((ROWS, pictures, 3), np.float32)
+        for picture in range(pictures):
+            plane.pass_index = picture
+            values[:, picture] = cycles.rendered(scene)[..., :3].reshape(ROWS, 3)
+    return values.reshape(ROWS, 3 * pictures)[:count, :outputs]
 
 
 def reflected(headers, body: str, inputs, sun, *, rotation=(0.0, 0.0, 0.0)) -> np.ndarray:
@@ -141,63 +169,3 @@ def reflected(headers, body: str, inputs, sun, *, rotation=(0.0, 0.0, 0.0)) -> n
         cycles.add_sun(scene, sun)
         scene.cycles.light_sampling_threshold = 0.0  # or dim pixels would be black or lighter at random
         return cycles.rendered(scene)[..., 0].reshape(ROWS).astype(float)[:count]
-
-
-def shader_source(headers, body, inputs, folder, output_size, kind, end):
-    """(OSL source, number of rows) of a shader whose inputs are written to `folder`."""
-    inputs = np.asarray(inputs, np.float32)
-    count, width = inputs.shape
-    assert count <= ROWS and np.isfinite(inputs).all()
-    texels = 1 << max(-(-width // 3) - 1, 0).bit_length()  # a power of two: only then is a fetch exact
-    file = folder / "inputs.exr"
-    table = np.zeros((ROWS, 3 * texels), np.float32)
-    table[:count, :width] = inputs
-    write_floats(file, table.reshape(ROWS, texels, 3))
-    included = script_node.with_headers("\n".join(f'#include "{name}"' for name in headers))
-    return SHADER.format(
-        headers=included, body=body, file=file.as_posix(), side=SIDE, rows=ROWS, texels=texels, input_size=3 * texels,
-        output_size=output_size, kind=kind, end=end,
-    ), count
-
-
-def shown_by(source, rotation, shape):
-    """(scene, Script node) of a shader that a plane which fills the view shows."""
-    scene = cycles.empty_scene(size=(SIDE, SIDE))
-    cycles.box_filter(scene, 0.01)
-    material, shown = cycles.emission_material()
-    tree = material.node_tree
-    text = bpy.data.texts.new("Test shader")
-    text.from_string(source)
-    script_node._let_oslquery_be_imported()
-    node = tree.nodes.new("ShaderNodeScript")
-    node.script = text
-    if not node.bytecode or "UV" not in node.inputs:
-        script_node.compile_script_node(node)
-    coordinates = tree.nodes.new("ShaderNodeUVMap")
-    tree.links.new(coordinates.outputs["UV"], node.inputs["UV"])
-    normals = tree.nodes.new("ShaderNodeNormalMap")
-    tree.links.new(coordinates.outputs["UV"], normals.inputs["Color"])
-    tree.links.new(normals.outputs["Normal"], node.inputs["Mapped"])
-    result = node.outputs["Result"]
-    if result.type == "SHADER":
-        shown = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial").inputs["Surface"]
-    tree.links.new(result, shown)
-
-    # A plane of width 1 that fills the view; both hang on one empty.
-    plane = shape(scene, 1.0, material=material)
-    camera = cycles.add_camera(scene, (0, 0, CAMERA_DISTANCE), angle=2.0 * np.arctan(0.5 / CAMERA_DISTANCE))
-    pivot = bpy.data.objects.new("Pivot", None)
-    scene.collection.objects.link(pivot)
-    plane.parent = camera.parent = pivot
-    pivot.rotation_euler = rotation
-    bpy.context.view_layer.update()
-    return scene, node
-
-
-def write_floats(file, pixels):
-    """Write (height, width, 3) float32, row 0 at the bottom."""
-    height, width, channels = pixels.shape
-    output = oiio.ImageOutput.create(str(file))
-    assert output.open(str(file), oiio.ImageSpec(width, height, channels, oiio.FLOAT)), output.geterror()
-    assert output.write_image(np.ascontiguousarray(pixels[::-1])), output.geterror()
-    output.close()

@@ -11,19 +11,9 @@ import pytest
 from glint_addon.bake import counts as bake
 from glint_addon.bake import float_image
 from tests.helpers.normals import random_normals
-from tests.helpers.osl_functions import ROWS
+from tests.helpers.osl_functions import EPSILON, ROUNDING, ROWS, Inputs, assert_whole_agree
 from tests.reference import counts_cells as twin
-from tests.reference.osl_values import (
-    EPSILON,
-    ROUNDING,
-    Inputs,
-    assert_whole_agree,
-    call,
-    footprint_fields,
-    random_axes,
-    stacked,
-)
-from tests.reference.random_cells import cells_inputs, hint_inputs
+from tests.reference.random_inputs import cells_inputs, footprint_inputs, hint_inputs, matrices, random_axes
 
 HEADER = "counts_cells.h"
 GRID = ("columns", "rows", "start1", "start2", "stride1", "stride2", "end1", "end2")
@@ -34,7 +24,7 @@ VIEW = ("I[0]", "I[1]", "I[2]")
 
 def matrix(osl, name):
     """A matrix (n, 2, 2) of OSL's fields NAME11 ... NAME22."""
-    return stacked(osl, *(f"{name}{i}{j}" for i in (1, 2) for j in (1, 2))).reshape(-1, 2, 2)
+    return osl.stacked(*(f"{name}{i}{j}" for i in (1, 2) for j in (1, 2))).reshape(-1, 2, 2)
 
 
 def osl_grid(osl, name):
@@ -85,9 +75,9 @@ def around():
     random = inputs.add("numbers", rng.uniform(0, 1, (ROWS, 3)))
     results = ["is_known", *VIEW, *(f"cells.{name}" for name in CELLS), *(f"grid.{name}" for name in GRID),
                *(f"whole.{name}" for name in CELLS), *(f"whole_grid.{name}" for name in GRID)]
-    osl = call(HEADER, inputs, AROUND, results)
+    osl = inputs.call(HEADER, AROUND, results)
     return SimpleNamespace(osl=osl, hint=hint, corners=corners, low=counts.low, high=counts.high, strength=strength,
-                           alpha=alpha, random=random, view=stacked(osl, *VIEW), known=osl["is_known"] != 0)
+                           alpha=alpha, random=random, view=osl.stacked(*VIEW), known=osl["is_known"] != 0)
 
 
 def test_the_bins_around_a_half_vector(around):
@@ -101,7 +91,7 @@ def test_the_bins_around_a_half_vector(around):
     bins = (around.corners - 1) / (around.high - around.low)[:, :2].min(axis=1)
     gain = np.abs(expected.a).max(axis=(1, 2)) / bins + 1
     for name, size in (("centre", bins * gain), ("tilt", 1.0)):
-        found = stacked(osl, f"cells.{name}1", f"cells.{name}2")
+        found = osl.stacked(f"cells.{name}1", f"cells.{name}2")
         error = np.abs(found - getattr(expected, name)).max(axis=1) / size
         assert (error < tolerance)[known].all(), name
     lost = tolerance * np.linalg.cond(expected.a)
@@ -119,8 +109,8 @@ def test_a_slope_is_the_quotient_that_the_cells_say(around):
     n = twin.normal_of(around.hint.forms, p)
     bins = (around.corners[:, None] - 1) / (around.high - around.low)[:, :2]
     at = (n[:, :2] / n[:, 2:] - around.low[:, :2]) * bins
-    linear = np.einsum("nij,nj->ni", matrix(osl, "cells.p"), at - stacked(osl, "cells.centre1", "cells.centre2"))
-    found = linear / (1 - (linear * stacked(osl, "cells.tilt1", "cells.tilt2")).sum(axis=1))[:, None]
+    linear = np.einsum("nij,nj->ni", matrix(osl, "cells.p"), at - osl.stacked("cells.centre1", "cells.centre2"))
+    found = linear / (1 - (linear * osl.stacked("cells.tilt1", "cells.tilt2")).sum(axis=1))[:, None]
     known &= n[:, 2] > 0.3
     assert known.sum() > 100
     assert (np.abs(found - p).max(axis=1) < 1e-3)[known].all()
@@ -130,7 +120,7 @@ def test_the_region_is_an_ellipse_that_the_view_flattens(around):
     osl, hint = around.osl, around.hint
     a = matrix(osl, "cells.a")
     expected = twin.cover_region(a, hint.h, hint.t1, hint.t2, around.view, hint.radius, around.alpha)
-    found = stacked(osl, "cells.reach1", "cells.reach2")
+    found = osl.stacked("cells.reach1", "cells.reach2")
     # The plane of incidence has the direction of what is left of I across h.
     left = np.linalg.norm([np.einsum("nk,nk->n", axis, around.view) for axis in (hint.t1, hint.t2)], axis=0)
     size = hint.radius * np.linalg.norm(a, axis=(1, 2))
@@ -151,8 +141,8 @@ def assert_grids_agree(osl, expected, is_clear, name):
 def test_the_grid_of_cells_over_a_region(around):
     osl, known = around.osl, around.known
     cells = SimpleNamespace(
-        a=matrix(osl, "cells.a"), p=matrix(osl, "cells.p"), centre=stacked(osl, "cells.centre1", "cells.centre2"),
-        reach=stacked(osl, "cells.reach1", "cells.reach2"),
+        a=matrix(osl, "cells.a"), p=matrix(osl, "cells.p"), centre=osl.stacked("cells.centre1", "cells.centre2"),
+        reach=osl.stacked("cells.reach1", "cells.reach2"),
     )
     expected, is_clear = twin.lay_grid(cells, around.hint.turn, around.alpha, around.corners, around.random)
     is_clear &= known
@@ -171,7 +161,7 @@ def test_the_cells_of_a_hint_are_laid_from_its_half_vector(around):
     is_clear &= known == around.known
     assert is_clear.mean() > 0.6
     assert_grids_agree(osl, expected.grid, is_clear, "whole_grid")
-    np.testing.assert_allclose(stacked(osl, "whole.reach1", "whole.reach2")[is_clear], expected.reach[is_clear],
+    np.testing.assert_allclose(osl.stacked("whole.reach1", "whole.reach2")[is_clear], expected.reach[is_clear],
                                rtol=1e-3)
     # The same as its parts, bit by bit.
     for name in [f"cells.{name}" for name in CELLS]:
@@ -203,7 +193,7 @@ def row():
         ("from", start), ("to", start + rng.integers(0, 50, ROWS)), ("stride", rng.integers(1, 12, ROWS)),
         ("share", rng.uniform(0, 1, ROWS)),
     )]
-    return call(HEADER, inputs, ROW, ("span", "lowest", "highest", "count", "start", "end")), span, lay
+    return inputs.call(HEADER, ROW, ("span", "lowest", "highest", "count", "start", "end")), span, lay
 
 
 def test_the_bins_of_a_region_that_elements_can_reach(row):
@@ -225,6 +215,11 @@ def test_a_row_of_cells_covers_all_bins_and_begins_at_random(row):
     assert ((lowest - osl["start"] < stride) & (osl["end"] - highest <= stride)).all()
 
 
+def random_bins(rng, count, size):
+    """Fields a11 ... a22 (count, n) of cells, bins per slope."""
+    return {f"a{i}{j}": rng.normal(size=(count, ROWS)) * size for i in (1, 2) for j in (1, 2)}
+
+
 SELECT = """
   int within = cell_is_within(cells_2, i, j);
   int selected = cell_is_selected(cells, 2, i, j);
@@ -238,16 +233,15 @@ def selected():
     """Cells of three hints, of which the third is asked for: (OSL's results, cells, i, j, turns, offset)."""
     rng = np.random.default_rng(4)
     inputs = Inputs()
-    matrices = {f"a{i}{j}": rng.normal(size=(3, ROWS)) * 30 for i in (1, 2) for j in (1, 2)}
-    cells = cells_inputs(rng, inputs, 3, **matrices)
+    cells = cells_inputs(rng, inputs, 3, **random_bins(rng, 3, 30))
     i, j = (inputs.add(name, rng.integers(0, np.maximum(size, 1)))
             for name, size in (("i", cells[2].grid.columns), ("j", cells[2].grid.rows)))
     turns = 1e-2 * rng.normal(size=(2, 2, ROWS))
     hint = inputs.structure("HalfVector", "hint", turn_u1=turns[0, 0], turn_v1=turns[0, 1], turn_u2=turns[1, 0],
                             turn_v2=turns[1, 1])
-    turns = np.array([[hint.turn_u1, hint.turn_v1], [hint.turn_u2, hint.turn_v2]]).transpose(2, 0, 1)
+    turns = matrices([[hint.turn_u1, hint.turn_v1], [hint.turn_u2, hint.turn_v2]])
     offset = np.stack([inputs.add(f"offset_{name}", rng.uniform(-30, 30, ROWS)) for name in ("u", "v")], axis=1)
-    return call(HEADER, inputs, SELECT, ("within", "selected", "move1", "move2")), cells, i, j, turns, offset
+    return inputs.call(HEADER, SELECT, ("within", "selected", "move1", "move2")), cells, i, j, turns, offset
 
 
 def test_a_cell_within_a_region(selected):
@@ -268,8 +262,7 @@ def test_a_cell_is_selected_where_no_earlier_hint_has_its_bins(selected):
 def test_cells_move_as_the_surface_turns(selected):
     osl, cells, _, _, turns, offset = selected
     own = cells[2]
-    a = np.array([[own.a11, own.a12], [own.a21, own.a22]]).transpose(2, 0, 1)
-    expected, is_clear = twin.cell_move(a, turns, offset)
+    expected, is_clear = twin.cell_move(own.a, turns, offset)
     assert_whole_agree(osl["move1"], expected[:, 0], is_clear, least=0.9)
     assert_whole_agree(osl["move2"], expected[:, 1], is_clear, least=0.9)
 
@@ -284,14 +277,12 @@ COUNTED = """
 def test_a_hit_is_counted_where_its_bin_is_in_a_selected_cell():
     rng = np.random.default_rng(5)
     inputs = Inputs()
-    inputs.statements("Query query; Map map; Level level; Counts counts; Hit hit;")
-    matrices = {f"a{i}{j}": rng.normal(size=(HINTS, ROWS)) * 15 for i in (1, 2) for j in (1, 2)}
-    cells = cells_inputs(rng, inputs, HINTS, **matrices)
+    inputs.statements.append("Query query; Map map; Level level; Counts counts; Hit hit;")
+    cells = cells_inputs(rng, inputs, HINTS, **random_bins(rng, HINTS, 15))
     hints = []
-    for k, own in enumerate(cells):
-        own.a = np.array([[own.a11, own.a12], [own.a21, own.a22]]).transpose(2, 0, 1)
+    for k in range(HINTS):
         hints.append(hint_inputs(rng, inputs, f"hint_{k}", rng.uniform(-0.5, 0.5, (ROWS, 2)), turn=1e-2))
-        inputs.statements(f"query.hints[{k}] = hint_{k};")
+        inputs.statements.append(f"query.hints[{k}] = hint_{k};")
     inputs.fill("query", hint_count=np.full(ROWS, HINTS))
     sizes = np.stack(list(vars(inputs.fill("map", width=rng.integers(20, 60, ROWS),
                                            height=rng.integers(20, 60, ROWS))).values()), axis=1)
@@ -319,7 +310,7 @@ def test_a_hit_is_counted_where_its_bin_is_in_a_selected_cell():
     normals = np.append(slopes, np.ones((ROWS, 1)), axis=1) * rng.uniform(0.3, 1, (ROWS, 1))
     normals[:40] *= -1
     unscaled = inputs.fill("hit", unscaled=normals).unscaled
-    osl = call("counts.h", inputs, COUNTED, ("counted",))["counted"]
+    osl = inputs.call("counts.h", COUNTED, ("counted",))["counted"]
 
     expected, is_clear = twin.hit_is_counted(hints, cells, counts.low, counts.high, level.corners, sizes, groups,
                                              np.mod(whole, sizes).astype(int), place, unscaled)
@@ -360,30 +351,28 @@ def test_counts_serve_from_the_level_on_whose_bins_are_narrow_enough(tmp_path):
     low, high = bake.slope_box(normals)
     float_image.write_whole(tmp_path / "c.exr", bake.counts_texels(normals, "LINEAR", LEVELS, (low, high)))
     inputs = Inputs()
-    inputs.statements("Query query; Map map;")
+    inputs.statements.append("Query query; Map map;")
     box = np.append([low, high], np.zeros((2, 1)), axis=1)
     counts = inputs.structure("Counts", "counts", first=np.full(ROWS, LEVELS[0]), levels=np.full(ROWS, 4),
                               low=np.tile(box[0], (ROWS, 1)), high=np.tile(box[1], (ROWS, 1)))
     strength = np.where(rng.random(ROWS) < 0.5, 1.0, rng.uniform(0.3, 2, ROWS))
     own = inputs.fill("map", width=np.full(ROWS, MAP), height=np.full(ROWS, MAP), is_linear=np.ones(ROWS, int),
                       strength=strength)
-    axes = random_axes(rng, largest=1.4, thin=1.2) * 20
-    fields = inputs.structure("Footprint", "footprint", **footprint_fields(axes))
-    axes = np.array([[fields.ux, fields.uy], [fields.vx, fields.vy]]).transpose(2, 0, 1)
+    footprint = footprint_inputs(inputs, random_axes(rng, largest=1.4, thin=1.2) * 20)
     hints = []
     for k in range(2):
         hints.append(hint_inputs(rng, inputs, f"hint_{k}", rng.uniform(-0.6, 0.6, (ROWS, 2)), largest_turn=2.2))
-        inputs.statements(f"query.hints[{k}] = hint_{k};")
+        inputs.statements.append(f"query.hints[{k}] = hint_{k};")
     alpha = inputs.structure("Facet", "facet", alpha=np.minimum(hints[0].radius, hints[1].radius) / 2.6).alpha
     random = inputs.fill("query", hint_count=np.full(ROWS, 2), random=rng.uniform(0, 1, (ROWS, 3))).random
     names = ("FAR_SIDE_FIRST", "FAR_SIDE_SUBSET")
     widest = inputs.add("widest", rng.choice([twin.TABLE[name] for name in names], ROWS))
     results = ("serves", "block", "reach1", "reach2", "map.costs.fetches", "missing_serves", *VIEW)
-    osl = call("counts.h", inputs, SERVE.format(file=(tmp_path / "c.exr").as_posix()), results)
+    osl = inputs.call("counts.h", SERVE.format(file=(tmp_path / "c.exr").as_posix()), results)
 
     map_ = SimpleNamespace(counts=counts, is_linear=own.is_linear, strength=own.strength)
-    query = SimpleNamespace(axes=axes, short_axis=fields.short_axis, alpha=alpha, random=random)
-    serves, block, is_clear = twin.counts_serve(map_, hints, query, stacked(osl, *VIEW), widest)
+    query = SimpleNamespace(axes=footprint.axes, short_axis=footprint.short_axis, alpha=alpha, random=random)
+    serves, block, is_clear = twin.counts_serve(map_, hints, query, osl.stacked(*VIEW), widest)
     assert 0.2 < serves.mean() < 0.8 and len(np.unique(block)) > 3
     assert_whole_agree(osl["serves"], serves, is_clear, least=0.9)
     assert_whole_agree(osl["block"], block, is_clear, least=0.9)
@@ -393,8 +382,8 @@ def test_counts_serve_from_the_level_on_whose_bins_are_narrow_enough(tmp_path):
     # The cells are those of the level.
     known = is_clear & serves
     cells, cells_are_clear, _ = twin.hint_cells(
-        hints[0], stacked(osl, *VIEW), counts.low, counts.high, twin.counts_table.level_corners(
+        hints[0], osl.stacked(*VIEW), counts.low, counts.high, twin.counts_table.level_corners(
             np.maximum(block, 32), own.is_linear), own.strength, alpha, random)
     known &= cells_are_clear
-    np.testing.assert_allclose(stacked(osl, "reach1", "reach2")[known], cells.reach[known], rtol=1e-3)
+    np.testing.assert_allclose(osl.stacked("reach1", "reach2")[known], cells.reach[known], rtol=1e-3)
     assert known.sum() > 100

@@ -5,19 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.helpers.osl_functions import ROWS
+from tests.helpers.osl_functions import EPSILON, MARGIN, ROUNDING, ROWS, Inputs, assert_whole_agree
 from tests.reference import counts_groups as twin
-from tests.reference.osl_values import (
-    EPSILON,
-    MARGIN,
-    ROUNDING,
-    Inputs,
-    assert_whole_agree,
-    call,
-    footprint_fields,
-    random_axes,
-    stacked,
-)
+from tests.reference.random_inputs import footprint_inputs, random_axes
 
 HEADER = "counts_groups.h"
 FAST_MATH = 2e-5  # OSL's pow and sincos: a few float32 roundings of their argument's own size
@@ -73,15 +63,14 @@ def groups():
     )
     axes = random_axes(rng, largest=1.3, thin=1.2) * group_u[:, None, None] / 2
     axes[:20] *= 1e4  # so wide that a number of groups is no int32
-    inputs.statements("Footprint footprint;")
-    fields = inputs.fill("footprint", **footprint_fields(axes))
-    inputs.statements("Query query; query.footprint = footprint;")
+    footprint = footprint_inputs(inputs, axes)
+    inputs.statements.append("Query query; query.footprint = footprint;")
     values = inputs.fill("query", u=rng.uniform(-0.5, 1500, ROWS), v=rng.uniform(-0.5, 1500, ROWS),
                          random=rng.uniform(0, 1, (ROWS, 3)), hint_count=rng.integers(1, 9, ROWS))
     g = inputs.add("g", rng.integers(0, twin.FAR_GROUPS, ROWS))
     query = SimpleNamespace(
         middle=np.stack([values.u, values.v], axis=1), random=values.random, hint_count=values.hint_count,
-        axes=np.array([[fields.ux, fields.uy], [fields.vx, fields.vy]]).transpose(2, 0, 1),
+        axes=footprint.axes,
     )
     results = [*ELLIPSE, "blocks.side_u", "blocks.side_v", *(f"blocks.{name}" for name in BLOCKS), "drawn.count",
                "drawn.total", "all", *(f"columns[{k}]" for k in range(READ)), *(f"rows[{k}]" for k in range(READ)),
@@ -89,7 +78,7 @@ def groups():
     for name in ("under", "at_random"):
         results += [f"{name}.{field}" for field in ("column", "row", *WEIGHTS)]
     body = BODY.replace("READ", str(READ)).replace("NUMBERS", str(4 * READ))
-    return call(HEADER, inputs, body, results), level, query, g, twin.blocks_under(level, query)
+    return inputs.call(HEADER, body, results), level, query, g, twin.blocks_under(level, query)
 
 
 def shared_blocks(osl, blocks):
@@ -107,15 +96,15 @@ def near_whole(places):
 
 def test_the_ellipse_of_the_blocks_is_widened_by_a_block(groups):
     osl, level, query, _, blocks = groups
-    np.testing.assert_allclose(stacked(osl, "blocks.side_u", "blocks.side_v"),
+    np.testing.assert_allclose(osl.stacked("blocks.side_u", "blocks.side_v"),
                                np.stack([blocks.side_u, blocks.side_v], axis=1), rtol=EPSILON)
-    np.testing.assert_allclose(stacked(osl, *ELLIPSE[3:]), blocks.reach, rtol=8 * EPSILON)
+    np.testing.assert_allclose(osl.stacked(*ELLIPSE[3:]), blocks.reach, rtol=8 * EPSILON)
     expected = blocks.ellipse[:, [0, 0, 1], [0, 1, 1]]
     # The determinant of the axes' squares is that much smaller than their product.
     square = np.linalg.inv(blocks.ellipse)
     lost = square[:, 0, 0] * square[:, 1, 1] / np.linalg.det(square)
     size = np.abs(expected).max(axis=1) * lost
-    assert (np.abs(stacked(osl, *ELLIPSE[:3]) - expected).max(axis=1) < ROUNDING * size).all()
+    assert (np.abs(osl.stacked(*ELLIPSE[:3]) - expected).max(axis=1) < ROUNDING * size).all()
 
 
 def test_the_groups_under_a_footprint(groups):
@@ -151,7 +140,7 @@ def test_a_group_under_a_footprint_weighs_what_the_kernel_is_in_its_blocks(group
     own = shared_blocks(osl, blocks)
     group, weights = twin.group_under(own, level, query, g % own.groups)
     known = np.arange(ROWS) >= 20
-    np.testing.assert_array_equal(stacked(osl, "under.column", "under.row")[known], group[known])
+    np.testing.assert_array_equal(osl.stacked("under.column", "under.row")[known], group[known])
     # A place's rounding in the kernel, whose slope in its argument is at most 2.
     square = np.linalg.inv(blocks.ellipse)
     short = np.sqrt(np.linalg.eigvalsh(square)[:, 0])
@@ -181,7 +170,7 @@ def test_the_sure_weight_reads_as_many_groups_as_asked_for():
     weights = np.exp(2 * rng.normal(size=(twin.MOST_GROUPS, ROWS)))
     weights[:, :100] = 0.7  # all alike
     weights = np.array([inputs.add(f"weight_{k}", values) for k, values in enumerate(weights)]).T
-    osl = call(HEADER, inputs, SURE, ("sure",))["sure"]
+    osl = inputs.call(HEADER, SURE, ("sure",))["sure"]
     expected = np.array([twin.sure_weight(weights[row, : count[row]], read[row]) for row in range(ROWS)])
     np.testing.assert_array_equal(osl == 0, count <= read)
     # What is left of the total after the larger weights is a difference.
@@ -208,8 +197,8 @@ def listed_groups(blocks, level, query, row):
 def test_the_drawn_groups_stand_for_all(groups):
     osl, level, query, _, blocks = groups
     own = shared_blocks(osl, blocks)
-    found = stacked(osl, *(f"weights[{k}]" for k in range(4 * READ))).reshape(ROWS, READ, 4)
-    places = np.stack([stacked(osl, *(f"{name}[{k}]" for k in range(READ))) for name in ("columns", "rows")], axis=2)
+    found = osl.stacked(*(f"weights[{k}]" for k in range(4 * READ))).reshape(ROWS, READ, 4)
+    places = np.stack([osl.stacked(*(f"{name}[{k}]" for k in range(READ))) for name in ("columns", "rows")], axis=2)
     compared = 0
     for row in range(20, ROWS):
         all_places, all_weights = listed_groups(own, level, query, row)

@@ -7,20 +7,10 @@ import pytest
 
 from glint_addon.bake import counts as bake
 from glint_addon.bake import float_image
-from tests.helpers.osl_functions import ROWS
+from tests.helpers.osl_functions import EPSILON, ROUNDING, ROWS, Inputs, assert_whole_agree
 from tests.reference import counts as twin
 from tests.reference import counts_cells, counts_groups, counts_table
-from tests.reference.osl_values import (
-    EPSILON,
-    ROUNDING,
-    Inputs,
-    assert_whole_agree,
-    call,
-    footprint_fields,
-    random_axes,
-    stacked,
-)
-from tests.reference.random_cells import cells_inputs, hint_inputs
+from tests.reference.random_inputs import cells_inputs, footprint_inputs, hint_inputs, random_axes
 
 HEADER = "counts.h"
 SIZE = (300, 200)
@@ -46,23 +36,18 @@ def facet_inputs(rng, inputs):
     """A struct Facet, and its fields."""
     alpha = inputs.structure("Facet", "facet", alpha=rng.uniform(0.01, 0.1, ROWS)).alpha
     is_ggx = inputs.add("is_ggx", rng.integers(0, 2, ROWS))
-    inputs.statements('facet.distribution = is_ggx ? "ggx" : "beckmann";')
+    inputs.statements.append('facet.distribution = is_ggx ? "ggx" : "beckmann";')
     return alpha, is_ggx
 
 
-def bin_matrices(rng, count):
-    """Fields (count, n) of cells: bins per slope, well conditioned, the inverse, and a tilt."""
+def hints_cells(rng, inputs, count):
+    """Cells of `count` hints: with bins per slope, well conditioned, the inverse, and a tilt."""
     a = 20 * (np.eye(2) + 0.3 * rng.uniform(-1, 1, (count, ROWS, 2, 2)))
     p = np.linalg.inv(a)
     fields = {f"{name}{i + 1}{j + 1}": m[..., i, j] for name, m in (("a", a), ("p", p)) for i in (0, 1) for j in (0, 1)}
-    return fields | {f"tilt{k}": rng.uniform(-0.5, 0.5, (count, ROWS)) for k in (1, 2)}
-
-
-def with_matrices(cells):
-    """Cells whose matrices are arrays (n, 2, 2) too."""
+    fields |= {f"tilt{k}": rng.uniform(-0.5, 0.5, (count, ROWS)) for k in (1, 2)}
+    cells = cells_inputs(rng, inputs, count, MOST, **fields)
     for own in cells:
-        own.a, own.p = (np.array([[getattr(own, f"{name}{i}{j}") for j in (1, 2)] for i in (1, 2)]).transpose(2, 0, 1)
-                        for name in ("a", "p"))
         own.tilt = np.stack([own.tilt1, own.tilt2], axis=1)
     return cells
 
@@ -111,13 +96,13 @@ def masses():
     inputs = Inputs()
     alpha, is_ggx = facet_inputs(rng, inputs)
     width = inputs.add("width", rng.uniform(0, 3, ROWS))
-    cells = with_matrices(cells_inputs(rng, inputs, 2, MOST, **bin_matrices(rng, 2)))
+    cells = hints_cells(rng, inputs, 2)
     grid = cells[1].grid
     number = grid.columns * grid.rows
     which = inputs.add("which", rng.integers(0, np.maximum(number, 1)))
     wide = [inputs.add(f"wide_stride{k}", rng.integers(1, 30, ROWS)) for k in (1, 2)]
     hint = hint_inputs(rng, inputs, "hint", rng.uniform(-0.5, 0.5, (ROWS, 2)))
-    inputs.statements("Masses m; Query query;")
+    inputs.statements.append("Masses m; Query query;")
     random = inputs.fill("query", random=rng.uniform(0, 1, (ROWS, 3))).random
     mass = np.where(np.arange(MOST**2)[:, None] < number, np.exp(rng.normal(size=(MOST**2, ROWS))), 0.0)
     mass = np.array([inputs.add(f"m.mass[{k}]", values) for k, values in enumerate(mass)]).T
@@ -137,7 +122,7 @@ def masses():
     results = ["cell_spread(facet, width)", "cleared.width1", "cleared.width2", "cleared.spread1", "cleared.spread2",
                *CLEARED, *(f"mass[{k}]" for k in range(MOST**2)), "peak", *(f"parts.{name}" for name in GRID),
                *(f"lobe.{name}" for name in LOBE)]
-    osl = call(HEADER, inputs, CELLS, results)
+    osl = inputs.call(HEADER, CELLS, results)
     return SimpleNamespace(osl=osl, alpha=alpha, is_ggx=is_ggx, width=width, cells=cells, grid=grid, which=which,
                            wide=wide, hint=hint, random=random, m=own, known=number > 0)
 
@@ -156,12 +141,12 @@ def test_masses_are_cleared_and_know_the_width_of_their_cells(masses):
         np.testing.assert_allclose([osl[f"cleared.width{k}"][row] for k in (1, 2)], widths, rtol=8 * EPSILON)
         np.testing.assert_allclose([osl[f"cleared.spread{k}"][row] for k in (1, 2)], spread,
                                    atol=ROUNDING * widths.max())
-    assert not stacked(osl, *CLEARED)[known].any()
+    assert not osl.stacked(*CLEARED)[known].any()
 
 
 def test_mass_moves_to_heavier_neighbours(masses):
     osl = masses.osl
-    sharp = stacked(osl, *(f"mass[{k}]" for k in range(MOST**2)))
+    sharp = osl.stacked(*(f"mass[{k}]" for k in range(MOST**2)))
     moved = 0
     for row in np.flatnonzero(masses.known):
         shape = masses.grid.rows[row], masses.grid.columns[row]
@@ -287,21 +272,21 @@ def reading(table):
     read = inputs.structure("Reading", "reading", number=rng.integers(0, number), move1=rng.integers(-3, 4, ROWS),
                             move2=rng.integers(-3, 4, ROWS), turned1=rng.uniform(-20, 5, ROWS),
                             turned2=rng.uniform(-20, 5, ROWS))
-    cells = with_matrices(cells_inputs(rng, inputs, 1, MOST, **bin_matrices(rng, 1)))
+    cells = hints_cells(rng, inputs, 1)
     cells[0].known = cells[0].grid.columns > 0
     hint = hint_inputs(rng, inputs, "hint", rng.uniform(-0.5, 0.5, (ROWS, 2)))
     cell = inputs.add("cell", rng.integers(0, np.maximum(cells[0].grid.columns * cells[0].grid.rows, 1)))
     corner = rng.integers(0, level.corners**2)
     pair = np.where(level.unit > 0, read.number // 2, read.number)
     inputs.add("corner_texel", pair * level.corners**2 + corner)
-    inputs.statements("Masses added; Query query;")
+    inputs.statements.append("Masses added; Query query;")
     spread = inputs.fill("added", spread1=rng.uniform(-1, 1, ROWS) / 12, spread2=rng.uniform(-1, 1, ROWS) / 12)
     middle = inputs.fill("query", u=rng.uniform(0, SIZE[0], ROWS), v=rng.uniform(0, SIZE[1], ROWS))
     total = inputs.add("total", sum(group.weights.sum(axis=1) for group in groups) * rng.uniform(1, 2, ROWS))
     body = READ.format(file=table[0], width=SIZE[0], height=SIZE[1])
     results = ["corner", "map.costs.fetches", "map.costs.visited", "summed.spread_u", "summed.spread_v",
                *(f"{name}.{field}[cell]" for name in ("added", "summed") for field in FIELDS)]
-    osl = call(HEADER, inputs, body, results)
+    osl = inputs.call(HEADER, body, results)
     return SimpleNamespace(
         osl=osl, texels=table[1], level=level, groups=groups, read=read, cells=cells[0], hint=hint, cell=cell,
         corner=corner, spread=np.stack([spread.spread1, spread.spread2], axis=1), alpha=alpha, is_ggx=is_ggx,
@@ -424,19 +409,19 @@ def test_a_query_selects_the_elements_in_the_cells(table):
     alpha, is_ggx = facet_inputs(rng, inputs)
     level = counts_inputs(rng, inputs)
     axes = random_axes(rng, largest=0.5, thin=0.3) * level.group_u[:, None, None] * 0.4
-    inputs.structure("Footprint", "footprint", **footprint_fields(axes))
-    cells = with_matrices(cells_inputs(rng, inputs, QUERY_HINTS, MOST, **bin_matrices(rng, QUERY_HINTS)))
-    inputs.statements("Query query;")
+    footprint_inputs(inputs, axes)
+    cells = hints_cells(rng, inputs, QUERY_HINTS)
+    inputs.statements.append("Query query;")
     hints = []
     for k in range(QUERY_HINTS):
         hints.append(hint_inputs(rng, inputs, f"hint_{k}", rng.uniform(-0.5, 0.5, (ROWS, 2))))
-        inputs.statements(f"query.hints[{k}] = hint_{k};")
+        inputs.statements.append(f"query.hints[{k}] = hint_{k};")
     own = inputs.fill("query", hint_count=np.full(ROWS, QUERY_HINTS), u=rng.uniform(0, SIZE[0], ROWS),
                       v=rng.uniform(0, SIZE[1], ROWS), random=rng.uniform(0, 1, (ROWS, 3)))
     body = QUERY.format(file=table[0], width=SIZE[0], height=SIZE[1], drawn=DRAWN).replace("NUMBERS", str(6 * DRAWN))
-    osl = call(HEADER, inputs, body, ("s.count", "sum", "drawn.count", "drawn.total", "blocks.is_random",
-                                      *(f"groups[{k}]" for k in range(6 * DRAWN))))
-    drawn = stacked(osl, *(f"groups[{k}]" for k in range(6 * DRAWN))).reshape(ROWS, DRAWN, 6)
+    osl = inputs.call(HEADER, body, ("s.count", "sum", "drawn.count", "drawn.total", "blocks.is_random",
+                                     *(f"groups[{k}]" for k in range(6 * DRAWN))))
+    drawn = osl.stacked(*(f"groups[{k}]" for k in range(6 * DRAWN))).reshape(ROWS, DRAWN, 6)
 
     expected = []
     assert not osl["blocks.is_random"].any() and (osl["drawn.count"] <= DRAWN).all()

@@ -6,19 +6,9 @@ import pytest
 from glint_addon.bake import counts as bake
 from glint_addon.bake import float_image
 from tests.helpers.normals import random_normals
-from tests.helpers.osl_functions import ROWS
+from tests.helpers.osl_functions import EPSILON, ROWS, Inputs, assert_whole_agree, split
 from tests.reference import counts_table as twin
-from tests.reference.osl_values import (
-    EPSILON,
-    Inputs,
-    assert_whole_agree,
-    call,
-    footprint_fields,
-    joined,
-    random_axes,
-    split,
-    stacked,
-)
+from tests.reference.random_inputs import footprint_inputs, random_axes
 
 HEADER = "counts_table.h"
 LAYOUT = """
@@ -48,7 +38,7 @@ def layout():
     arguments = [inputs.add(name, values) for name, values in (
         ("block", first << rng.integers(0, levels)), ("width", width), ("height", height), ("is_linear", is_linear),
     )]
-    return call(HEADER, inputs, LAYOUT, LAYOUT_RESULTS), counts, arguments
+    return inputs.call(HEADER, LAYOUT, LAYOUT_RESULTS), counts, arguments
 
 
 def test_corners_of_a_level_are_those_of_the_baker(layout):
@@ -65,14 +55,14 @@ def test_groups_along_a_side_are_those_of_the_baker(layout):
 def test_texels_before_a_level_are_those_of_the_baker(layout):
     osl, counts, arguments = layout
     expected = twin.texels_before(counts, *arguments)
-    assert_whole_agree(joined(osl, "before"), expected, True)
+    assert_whole_agree(osl.joined("before"), expected, True)
     assert expected.max() > 2**20, "no list is longer than a row of its file"
 
 
 def test_a_level_is_that_of_the_baker(layout):
     osl, counts, arguments = layout
     expected = vars(twin.counts_level(counts, *arguments))
-    np.testing.assert_array_equal(joined(osl, "level.first"), expected.pop("first"))
+    np.testing.assert_array_equal(osl.joined("level.first"), expected.pop("first"))
     for field, values in expected.items():
         assert len(np.unique(values)) > 1, field
         # Quotients are rounded once, or by three operations where a unit is a quotient of a product.
@@ -129,8 +119,8 @@ def texels(tmp_path_factory):
     in_rows = inputs.add("texel_in_rows", rng.permutation(SHAPE[0] * SHAPE[1])[:ROWS])
     body = TEXELS.format(**{name: file.as_posix() for name, file in files.items()}, width=SIZE[0], height=SIZE[1],
                          columns=SHAPE[0], rows=SHAPE[1])
-    osl = call(HEADER, inputs, body, ("found[0]", "found[1]", "found[2]", "fourth", "is_whole", "is_cut",
-                                      "is_missing", "in_rows[0]", "in_rows[1]", "in_rows[2]"))
+    osl = inputs.call(HEADER, body, ("found[0]", "found[1]", "found[2]", "fourth", "is_whole", "is_cut",
+                                     "is_missing", "in_rows[0]", "in_rows[1]", "in_rows[2]"))
     # In the order of the file, whose rows lie from the top down.
     return osl, counts, (texel, pixels[::-1].reshape(-1, 4)), (in_rows, several[::-1].reshape(-1, 4))
 
@@ -139,13 +129,13 @@ def test_a_texel_of_the_list_is_what_the_baker_wrote(texels):
     osl, _, (texel, written), _ = texels
     expected = twin.counts_texel(written, texel)
     assert (expected > 0).mean() > 0.1
-    np.testing.assert_array_equal(stacked(osl, "found[0]", "found[1]", "found[2]"), expected[:, :3])
+    np.testing.assert_array_equal(osl.stacked("found[0]", "found[1]", "found[2]"), expected[:, :3])
 
 
 def test_a_texel_of_a_list_of_several_rows(texels):
     osl, _, _, (texel, written) = texels
     expected = twin.counts_texel(written, texel)
-    np.testing.assert_array_equal(stacked(osl, "in_rows[0]", "in_rows[1]", "in_rows[2]", "fourth"), expected)
+    np.testing.assert_array_equal(osl.stacked("in_rows[0]", "in_rows[1]", "in_rows[2]", "fourth"), expected)
 
 
 def test_a_table_is_intact_only_if_its_header_is_the_one_named(texels):
@@ -162,16 +152,15 @@ def test_the_blocks_of_a_footprint_are_as_wide_as_its_size_allows():
     inputs = Inputs()
     counts = inputs.structure("Counts", "counts", first=rng.choice([0, 16, 32, 64, 128], ROWS),
                               levels=rng.integers(1, 8, ROWS))
-    axes = random_axes(rng, largest=3.7, thin=1.5)
-    fields = inputs.structure("Footprint", "footprint", **footprint_fields(axes))
-    axes = np.array([[fields.ux, fields.uy], [fields.vx, fields.vy]]).transpose(2, 0, 1)
+    footprint = footprint_inputs(inputs, random_axes(rng, largest=3.7, thin=1.5))
     names = ("FAR_SIDE", "FAR_SIDE_FIRST", "FAR_SIDE_SUBSET")
     widest = inputs.add("widest", rng.choice([twin.NUMBERS[name] for name in names], ROWS))
-    osl = call(HEADER, inputs, "", ("far_block(counts, footprint, widest)",))["far_block(counts, footprint, widest)"]
+    osl = inputs.call(HEADER, "", ("far_block(counts, footprint, widest)",))["far_block(counts, footprint, widest)"]
 
-    expected = twin.far_block(counts, axes, fields.short_axis, widest)
+    expected = twin.far_block(counts, footprint.axes, footprint.short_axis, widest)
     # A larger footprint has larger blocks, or the same: rounding decides where a little larger and smaller ones differ.
-    sizes = [twin.far_block(counts, scale * axes, scale * fields.short_axis, widest) for scale in (1 - 1e-5, 1 + 1e-5)]
+    sizes = [twin.far_block(counts, scale * footprint.axes, scale * footprint.short_axis, widest)
+             for scale in (1 - 1e-5, 1 + 1e-5)]
     assert_whole_agree(osl, expected, sizes[0] == sizes[1])
     assert (expected == 0).mean() < 0.8 and len(np.unique(expected)) > 6
     is_level = [block == 0 or block in [first << k for k in range(levels)]

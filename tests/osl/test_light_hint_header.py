@@ -10,12 +10,12 @@ from tests.helpers.osl_functions import (
     MARGIN,
     ROUNDING,
     ROWS,
-    SIDE,
     Inputs,
     assert_flags_agree,
     each,
     unit,
 )
+from tests.helpers.osl_plane import SIDE
 from tests.reference import footprint, light_hint
 
 HEADERS = ("light_hint.h",)
@@ -33,9 +33,8 @@ def split(values, *sizes):
     return [piece[:, 0] if size == 1 else piece for piece, size in zip(pieces, sizes, strict=True)]
 
 
-def test_the_half_vector_of_suns_and_local_lights():
-    rng = np.random.default_rng(6)
-    given = Inputs()
+def give_hints_arguments(rng, given):
+    """Random arguments of half_vector: light, shape, region, frame, footprint and the turn of the view."""
     rotation = np.linalg.qr(rng.normal(size=(ROWS, 3, 3)))[0]
     basis = given.vectors(BASIS, rotation + 0.2 * rng.normal(size=(ROWS, 3, 3)))  # objects may be sheared
     change = given.vectors(CHANGES, 0.01 * rng.normal(size=(ROWS, 6, 3)))
@@ -50,7 +49,14 @@ def test_the_half_vector_of_suns_and_local_lights():
     region = given.floats("float region", rng.uniform(0.001, 0.3, ROWS))
     view_turn = given.floats("float view_turn", rng.uniform(0, 2, ROWS))
     axes = given.floats("f.ux, f.uy, f.vx, f.vy", 5 * rng.normal(size=(ROWS, 4)))
+    frame = light_hint.NormalFrame(*np.concatenate([basis, steps, change], axis=1).transpose(1, 0, 2))
+    return light, shape, region, frame, footprint.Footprint(*axes.T, *to_steps.T, None, None, None), view_turn
 
+
+def test_the_half_vector_of_suns_and_local_lights():
+    rng = np.random.default_rng(6)
+    given = Inputs()
+    light, shape, region, frame, area, view_turn = give_hints_arguments(rng, given)
     body = """
       int valid = half_vector(light, shape, region, frame, f, view_turn, hint);
       if (valid) { turn_over(f, hint); }
@@ -63,8 +69,6 @@ def test_the_half_vector_of_suns_and_local_lights():
     valid, h, t, forms, turns, radius, patch_turn, turn, reach, growth, position, view, normal = split(
         osl, 1, 3, 6, 9, 4, 1, 1, 1, 1, 1, 3, 3, 3
     )
-    frame = light_hint.NormalFrame(*np.concatenate([basis, steps, change], axis=1).transpose(1, 0, 2))
-    area = footprint.Footprint(*axes.T, *to_steps.T, None, None, None)
     expected, twin = light_hint.half_vector(light, shape, region, frame, area, view_turn, position, view, normal)
     twin = light_hint.turn_over(area, twin)
     # Both answers occur; at most a few rows lie within rounding of the horizon or of the largest region.
@@ -82,7 +86,7 @@ def test_the_half_vector_of_suns_and_local_lights():
     turned = 16 * tolerance * size / np.minimum(length, 1.0)
     assert (np.abs(turns - twin.turns.reshape(ROWS, 4)).max(1) < turned)[both].all()
     assert (np.abs(radius - twin.radius) < (FAST_ASIN + tolerance) / length)[both].all()
-    texels = np.abs(axes).sum(axis=1) + 2
+    texels = np.abs([area.ux, area.uy, area.vx, area.vy]).sum(axis=0) + 2
     assert (np.abs(turn - twin.turn) < turned * texels)[both].all()
     assert (np.abs(reach - twin.reach) < turned * texels)[both].all()
     assert (np.abs(patch_turn - twin.patch_turn) < 2 * turned)[both].all()

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from glint_addon.paths import shader_file
-from tests.helpers.osl_functions import MARGIN, ROUNDING, ROWS, SIDE, Inputs, unit
+from tests.helpers.osl_functions import MARGIN, ROUNDING, ROWS, Inputs, unit
+from tests.helpers.osl_plane import SIDE
 from tests.osl.shading import (
     BASIS,
     SURFACE,
@@ -89,7 +90,8 @@ PIXELS = 5e-3  # how well the raster's derivatives are known: see test_pixel_gri
 def test_footprints_on_the_pixel_grid_are_used_where_several_elements_are_visited_whole_or_by_points():
     rng = np.random.default_rng(2)
     given = Inputs()
-    texels, samples, bounce = give_view(given, random_texels(rng, 0.1, 60), 2.0 ** rng.integers(0, 10, ROWS), np.zeros(ROWS))
+    texels, samples, bounce = give_view(given, random_texels(rng, 0.1, 60), 2.0 ** rng.integers(0, 10, ROWS),
+                                        np.zeros(ROWS))
     given.ints("view.on_grid", np.arange(ROWS) % 8 > 0)
     declarations = VIEW + "PixelGrid grid; Map map; map.visits = 300; map.counts.first = 0; map.counts.levels = 0;"
     body = "Footprint own; round_footprint(view, own); int used = grid_footprint(view, map, own, grid, f);"
@@ -195,6 +197,32 @@ def test_the_hints_of_a_query_those_that_the_map_reaches_and_how_small_its_footp
     assert 0.2 < (scale[agree] < 1).mean() < 0.9 and len(np.unique(np.round(scale, 2))) > 20
 
 
+def fitted_on_grid(hints, seen, texels, samples, own, fitted):
+    """What the answer `fitted` of the twin's fit_footprint becomes where the pixel grid decides, and where it does."""
+    footprint, round_hints, margin = fitted
+    known, grid = pixel_grid.pixel_grid(np.full((ROWS, 2), pixel_grid.GRID_MIDDLE), samples)
+    widest = grid_footprints(seen, texels, grid.widest)
+    is_used, is_clear = grid_is_used(known, own, widest, 4096)
+    wide_hints, wide_margin = lobe.keep_reached(hints, widest, *BOUNDS, 0.7)
+    scale = lobe.footprint_scale(wide_hints, widest.area, samples, pixel_grid.GRID_TURN)
+    scale = np.where(lobe.used(wide_hints) > 0, scale, 1.0)
+    is_grid = is_used & (scale == 1.0)
+    turn = np.max([hint.turn for hint in wide_hints], axis=0)
+    clear = is_clear & (np.abs(np.stack([turn, turn / pixel_grid.GRID_TURN]) - 1) > 4 * PIXELS).all(axis=0)
+    margin = np.where(clear, np.minimum(margin, wide_margin), 0.0)
+    narrow = grid_footprints(seen, texels, grid.radius[:, 0])
+    footprint = footprints.Footprint(*(
+        np.where(is_grid, getattr(narrow, name), getattr(footprint, name)) for name in footprints.FIELDS))
+    # The hints' bounds are those of the widest footprint.
+    round_hints = [
+        replace(one, radius=np.where(is_grid, two.radius, one.radius), turn=np.where(is_grid, two.turn, one.turn),
+                reach=np.where(is_grid, two.reach, one.reach),
+                ball_growth=np.where(is_grid, two.ball_growth, one.ball_growth))
+        for one, two in zip(round_hints, wide_hints, strict=True)
+    ]
+    return (footprint, round_hints, margin), is_grid
+
+
 @pytest.mark.parametrize("on_grid", [0, 1])
 def test_a_footprint_is_fitted_to_what_its_hints_allow(on_grid):
     rng = np.random.default_rng(4)
@@ -221,26 +249,8 @@ def test_a_footprint_is_fitted_to_what_its_hints_allow(on_grid):
     footprint, round_hints, margin = lobe.fit_footprint(hints, own, samples, *BOUNDS, 0.7)
     is_grid = np.zeros(ROWS, bool)
     if on_grid:
-        known, grid = pixel_grid.pixel_grid(np.full((ROWS, 2), pixel_grid.GRID_MIDDLE), samples)
-        widest = grid_footprints(seen, texels, grid.widest)
-        is_used, is_clear = grid_is_used(known, own, widest, 4096)
-        wide_hints, wide_margin = lobe.keep_reached(hints, widest, *BOUNDS, 0.7)
-        scale = lobe.footprint_scale(wide_hints, widest.area, samples, pixel_grid.GRID_TURN)
-        scale = np.where(lobe.used(wide_hints) > 0, scale, 1.0)
-        is_grid = is_used & (scale == 1.0)
-        turn = np.max([hint.turn for hint in wide_hints], axis=0)
-        clear = is_clear & (np.abs(np.stack([turn, turn / pixel_grid.GRID_TURN]) - 1) > 4 * PIXELS).all(axis=0)
-        margin = np.where(clear, np.minimum(margin, wide_margin), 0.0)
-        fitted = grid_footprints(seen, texels, grid.radius[:, 0])
-        footprint = footprints.Footprint(*(
-            np.where(is_grid, getattr(fitted, name), getattr(footprint, name)) for name in footprints.FIELDS))
-        # The hints' bounds are those of the widest footprint.
-        round_hints = [
-            replace(one, radius=np.where(is_grid, two.radius, one.radius), turn=np.where(is_grid, two.turn, one.turn),
-                    reach=np.where(is_grid, two.reach, one.reach),
-                    ball_growth=np.where(is_grid, two.ball_growth, one.ball_growth))
-            for one, two in zip(round_hints, wide_hints, strict=True)
-        ]
+        (footprint, round_hints, margin), is_grid = fitted_on_grid(
+            hints, seen, texels, samples, own, (footprint, round_hints, margin))
         assert 0.1 < is_grid.mean() < 0.9
     np.testing.assert_array_equal(osl[:, 24], np.ones(ROWS))  # of a pixel's only sample, which lies in its middle
     found = osl[:, :13].copy()

@@ -152,7 +152,7 @@ def test_a_footprint_within_a_patch_is_one_closure(tmp_path):
 
 @pytest.mark.parametrize("is_linear", [False, True])
 def test_what_the_lobe_of_a_point_selects_and_shows_is_what_brute_force_says(tmp_path, is_linear):
-    """Slow: the whole lobe is compiled for each of three pictures."""
+    """Slow: the whole lobe is compiled twice, for what it shows and for what it says."""
     stage = Stage(np.random.default_rng(6), tmp_path, is_linear, 0.2, 3.0)
     body = stage.body + "plain = glint_lobe(facet, map, frame, hit, view, lights, s, plain);"
     picture = stage.given.reflected(HEADERS, stage.declarations, body + "Result = plain;", SUN, rotation=TURNED)

@@ -17,7 +17,8 @@ from glint_addon.nodes.map_tables import SCRIPT_NODE
 from glint_addon.paths import shader_file
 from glint_addon.prepare.scene import prepare_scene
 from tests.helpers import cycles
-from tests.helpers.osl_functions import CAMERA_DISTANCE, ROWS, SIDE, evaluate
+from tests.helpers.osl_functions import evaluate
+from tests.helpers.osl_plane import CAMERA_DISTANCE, ROWS, SIDE
 from tests.helpers.seeds import rendered_seeds
 from tests.reference import footprint
 from tests.reference import pixel_grid as twin

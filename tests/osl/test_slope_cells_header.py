@@ -8,19 +8,9 @@ import pytest
 from glint_addon.bake import float_image
 from glint_addon.bake import slope_index as bake
 from tests.helpers.normals import random_normals
-from tests.helpers.osl_functions import ROWS
+from tests.helpers.osl_functions import EPSILON, MARGIN, ROUNDING, ROWS, Inputs, assert_whole_agree
 from tests.reference import slope_cells as twin
-from tests.reference.osl_values import (
-    EPSILON,
-    MARGIN,
-    ROUNDING,
-    Inputs,
-    assert_whole_agree,
-    call,
-    frames_near,
-    random_frames,
-    stacked,
-)
+from tests.reference.random_inputs import frames_near, random_frames
 
 HEADER = "slope_cells.h"
 SIZE = (100, 70)
@@ -79,21 +69,21 @@ def layout(table, tmp_path_factory):
     fields = [f"index.{name}" for name in ("columns", "rows", "log_width", "inverse_width", "inverse_height")]
     results = [*fields, "start", "place", "found[0]", "found[1]", "found[2]", "fourth", "in_rows[0]", "in_rows[1]",
                "in_rows[2]", "last"]
-    return call(HEADER, inputs, body, results), width, height, i, texel, in_rows
+    return inputs.call(HEADER, body, results), width, height, i, texel, in_rows
 
 
 def test_a_texel_of_the_list_is_what_the_baker_wrote(layout, table):
     osl, _, _, _, texel, _ = layout
     expected = twin.index_texel(table[1], texel)
     assert (expected != 0).mean() > 0.2
-    np.testing.assert_array_equal(stacked(osl, "found[0]", "found[1]", "found[2]", "fourth"), expected)
+    np.testing.assert_array_equal(osl.stacked("found[0]", "found[1]", "found[2]", "fourth"), expected)
 
 
 def test_a_texel_of_a_list_of_several_rows(layout):
     osl, *_, texel = layout
     # Row 0 at the bottom, as in the array.
     expected = twin.index_texel(SEVERAL.reshape(-1, 4), texel)
-    np.testing.assert_array_equal(stacked(osl, "in_rows[0]", "in_rows[1]", "in_rows[2]", "last"), expected)
+    np.testing.assert_array_equal(osl.stacked("in_rows[0]", "in_rows[1]", "in_rows[2]", "last"), expected)
 
 
 def test_the_shape_of_an_index_is_that_of_the_baker(layout):
@@ -136,12 +126,12 @@ def region():
     arguments = regions(rng, inputs, random_frames(rng))
     axis = inputs.add("axis", rng.integers(0, 2, ROWS))
     vectors = [f"basis.g{n}[{k}]" for n in (1, 2, 3) for k in range(3)]
-    return call(HEADER, inputs, REGION, [*vectors, "low", "high", "is_upright"]), *arguments, axis
+    return inputs.call(HEADER, REGION, [*vectors, "low", "high", "is_upright"]), *arguments, axis
 
 
 def test_the_normals_of_slopes_are_the_inverse_of_the_forms(region):
     osl, forms, *_ = region
-    found = stacked(osl, *(f"basis.g{n}[{k}]" for n in (1, 2, 3) for k in range(3))).reshape(ROWS, 3, 3)
+    found = osl.stacked(*(f"basis.g{n}[{k}]" for n in (1, 2, 3) for k in range(3))).reshape(ROWS, 3, 3)
     error = np.abs(found - twin.slope_basis(forms)).max(axis=(1, 2))
     assert (error < ROUNDING * np.linalg.cond(forms)).all()
     # As the header says: n(p) has the slopes p.
@@ -177,7 +167,7 @@ def test_bounds_without_strength_hold_for_all_heights():
     least_z = inputs.add("least_z", rng.uniform(0.1, 1, ROWS))
     bounds = np.sort(rng.normal(size=(2, ROWS)), axis=0)
     low, high = (inputs.add(name, values) for name, values in zip(("low", "high"), bounds, strict=True))
-    osl = call(HEADER, inputs, "unscaled_bounds(strength, least_z, low, high);", ("low", "high"))
+    osl = inputs.call(HEADER, "unscaled_bounds(strength, least_z, low, high);", ("low", "high"))
     expected = twin.unscaled_bounds(strength, least_z, low, high)
     for name, values in zip(("low", "high"), expected, strict=True):
         np.testing.assert_allclose(osl[name], values, rtol=8 * EPSILON)
@@ -204,7 +194,7 @@ def cells(table):
     """The cells of blocks for regions that are upright: (OSL's results, strength, record, basis, c1, c2, radius)."""
     rng = np.random.default_rng(4)
     inputs = Inputs()
-    inputs.statements("Map map;")
+    inputs.statements.append("Map map;")
     strength = inputs.add("map.strength", np.where(rng.random(ROWS) < 0.4, 1.0, rng.uniform(0.3, 2, ROWS)))
     blocks = bake.blocks(SIZE[0]) * bake.blocks(SIZE[1])
     record = inputs.add("record", twin.RECORD * rng.integers(0, blocks, ROWS))
@@ -214,7 +204,7 @@ def cells(table):
     results = [f"range.{name}" for name in RANGE] + ["row", "start", "end", "fetches",
                                                      "row_fetches"]
     forms, *region = arguments
-    return call(HEADER, inputs, body, results), strength, record, twin.slope_basis(forms), *region
+    return inputs.call(HEADER, body, results), strength, record, twin.slope_basis(forms), *region
 
 
 def test_the_cells_that_a_region_can_reach(cells, table):

@@ -9,11 +9,10 @@ from glint_addon.bake import float_image
 from glint_addon.bake import slope_index as bake
 from glint_addon.bake import table as table_bake
 from tests.helpers.normals import random_normals
-from tests.helpers.osl_functions import ROWS
+from tests.helpers.osl_functions import ROWS, Inputs, assert_whole_agree
 from tests.reference import slope_cells
 from tests.reference import slope_index as twin
-from tests.reference.osl_values import Inputs, assert_whole_agree, call, footprint_fields, random_axes
-from tests.reference.random_cells import hint_inputs
+from tests.reference.random_inputs import footprint_inputs, hint_inputs, random_axes
 
 HEADER = "slope_index.h"
 SIZE = (72, 52)  # no multiple of a block, so that blocks are cut off where the map repeats
@@ -63,12 +62,10 @@ RESULTS = ("serves", "s.count", "sum_of_listed", "in_block.count", "sum_in_block
            "map.costs.visited")
 
 
-@pytest.fixture(scope="module", params=["CLOSEST", "LINEAR"])
-def visits(request, tmp_path_factory):
-    """Queries of a map that its index answers: inputs, OSL's results, and the tables."""
-    folder = tmp_path_factory.mktemp("index")
-    interpolation = request.param
-    rng = np.random.default_rng(1)
+def damaged_index(folder, interpolation):
+    """A map (height, width, 3), the path of its table, and the texels of its index, of which the last block's record is
+    damaged: all its elements are visited."""
+    rng = np.random.default_rng(2)
     # Waves with grain, and a few normals that stick out or lie below the horizon.
     i, j = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     normals = np.stack([0.4 * np.sin(i / 9), 0.4 * np.cos(j / 7), np.ones(i.shape)], axis=2)
@@ -77,46 +74,34 @@ def visits(request, tmp_path_factory):
     normals = (normals / np.linalg.norm(normals, axis=2, keepdims=True)).astype(np.float32)
     table, _ = table_bake.bake_table(normals, folder, interpolation=interpolation)
     pixels = bake.index_texels(normals, interpolation)
-    # The last block's record is damaged, so all its elements are visited.
     last = bake.blocks(SIZE[0]) * bake.blocks(SIZE[1]) - 1
     pixels.reshape(-1, 4)[last * slope_cells.RECORD + 1, 3] = 0
     float_image.write_whole(folder / "index.exr", pixels)
+    return normals, table, pixels.reshape(-1, 4)
 
-    inputs = Inputs()
-    inputs.statements(SETUP.format(table=table.as_posix(), index=(folder / "index.exr").as_posix(), width=SIZE[0],
-                                   height=SIZE[1], is_linear=int(interpolation == "LINEAR")))
-    strength = np.where(rng.random(ROWS) < 0.5, 1.0, rng.uniform(0.5, 1.5, ROWS))
-    map_ = inputs.fill("map", strength=strength, visits=rng.choice([500, 1500, 4096], ROWS),
-                       is_indexed=(rng.random(ROWS) < 0.9).astype(int))
-    map_.size, map_.is_linear = SIZE, interpolation == "LINEAR"
-    axes = random_axes(rng, largest=0.9, thin=0.6) * 7
-    fields = inputs.structure("Footprint", "footprint", **footprint_fields(axes))
-    inputs.statements("Query query;")
-    middle = inputs.fill("query", u=rng.uniform(0, SIZE[0] - 1, ROWS), v=rng.uniform(0, SIZE[1] - 1, ROWS))
-    query = SimpleNamespace(
-        middle=np.stack([middle.u, middle.v], axis=1), area=fields.area, short_axis=fields.short_axis,
-        axes=np.array([[fields.ux, fields.uy], [fields.vx, fields.vy]]).transpose(2, 0, 1),
-    )
+
+def near_hints(rng, inputs, normals, strength, middle):
+    """Hints of `query` with half vectors at about the slope of a texel nearby, and regions above the surface."""
     hints = []
     for k in range(HINTS):
-        # Half vectors at about the slope of a texel nearby, and regions that stay above the surface.
-        i, j = (np.floor(query.middle).astype(int) + rng.integers(-8, 9, (ROWS, 2))).T
+        i, j = (np.floor(middle).astype(int) + rng.integers(-8, 9, (ROWS, 2))).T
         near = normals[j % SIZE[1], i % SIZE[0]]
-        slopes = np.clip(map_.strength[:, None] * near[:, :2] / near[:, 2:], -0.5, 0.5)
+        slopes = np.clip(strength[:, None] * near[:, :2] / near[:, 2:], -0.5, 0.5)
         hint = hint_inputs(rng, inputs, f"hint_{k}", slopes)
         hint.radius = inputs.add(f"hint_{k}.radius", rng.uniform(0.03, 0.12, ROWS))
         turns = np.linalg.norm(hint.turns, axis=1).sum(axis=1)
         added = inputs.fill(f"hint_{k}", patch_turn=0.5 * turns, reach=0.02 + turns, ball_growth=np.full(ROWS, 2.0))
         vars(hint).update(vars(added))
-        inputs.statements(f"query.hints[{k}] = hint_{k};")
+        inputs.statements.append(f"query.hints[{k}] = hint_{k};")
         hints.append(hint)
-    alpha = inputs.structure("Facet", "facet", alpha=rng.uniform(0.01, 0.04, ROWS)).alpha
-    inputs.statements('facet.distribution = "beckmann";')
-    wanted = inputs.add("k", rng.integers(0, HINTS, ROWS))
-    # The block around the hit, or one beside it, where the map may begin anew.
+    return hints
+
+
+def near_blocks(rng, inputs, middle):
+    """A struct Block around the hit, or one beside it, where the map may begin anew; start and end in its list."""
     plane, first, size = np.empty((3, ROWS, 2), int)
     for axis in range(2):
-        texel = np.floor(query.middle[:, axis]).astype(int) + rng.integers(-20, 21, ROWS)
+        texel = np.floor(middle[:, axis]).astype(int) + rng.integers(-20, 21, ROWS)
         plane[:, axis], place = slope_cells.block_start(texel, SIZE[axis])
         first[:, axis] = 32 * place
         size[:, axis] = np.minimum(SIZE[axis] - first[:, axis], 32)
@@ -129,11 +114,36 @@ def visits(request, tmp_path_factory):
         "Block", "block", column=first[:, 0], row=first[:, 1], plane_column=plane[:, 0], plane_row=plane[:, 1],
         columns=size[:, 0], rows=size[:, 1], is_listed=is_listed,
     )
-    osl = call(HEADER, inputs, BODY, RESULTS)
-    blocks = SimpleNamespace(plane=plane, first=first, size=size, is_listed=is_listed)
-    return SimpleNamespace(osl=osl, normals=normals, texels=pixels.reshape(-1, 4), map=map_, query=query, hints=hints,
-                           alpha=alpha, k=wanted, start=start, end=end,
-                           blocks=blocks)
+    return SimpleNamespace(plane=plane, first=first, size=size, is_listed=is_listed), start, end
+
+
+@pytest.fixture(scope="module", params=["CLOSEST", "LINEAR"])
+def visits(request, tmp_path_factory):
+    """Queries of a map that its index answers: inputs, OSL's results, and the tables."""
+    folder = tmp_path_factory.mktemp("index")
+    normals, table, texels = damaged_index(folder, request.param)
+    is_linear = request.param == "LINEAR"
+    rng = np.random.default_rng(1)
+    inputs = Inputs()
+    inputs.statements.append(SETUP.format(table=table.as_posix(), index=(folder / "index.exr").as_posix(),
+                                          width=SIZE[0], height=SIZE[1], is_linear=int(is_linear)))
+    strength = np.where(rng.random(ROWS) < 0.5, 1.0, rng.uniform(0.5, 1.5, ROWS))
+    map_ = inputs.fill("map", strength=strength, visits=rng.choice([500, 1500, 4096], ROWS),
+                       is_indexed=(rng.random(ROWS) < 0.9).astype(int))
+    map_.size, map_.is_linear = SIZE, is_linear
+    footprint = footprint_inputs(inputs, random_axes(rng, largest=0.9, thin=0.6) * 7)
+    inputs.statements.append("Query query;")
+    middle = inputs.fill("query", u=rng.uniform(0, SIZE[0] - 1, ROWS), v=rng.uniform(0, SIZE[1] - 1, ROWS))
+    query = SimpleNamespace(middle=np.stack([middle.u, middle.v], axis=1), area=footprint.area,
+                            short_axis=footprint.short_axis, axes=footprint.axes)
+    hints = near_hints(rng, inputs, normals, map_.strength, query.middle)
+    alpha = inputs.structure("Facet", "facet", alpha=rng.uniform(0.01, 0.04, ROWS)).alpha
+    inputs.statements.append('facet.distribution = "beckmann";')
+    wanted = inputs.add("k", rng.integers(0, HINTS, ROWS))
+    blocks, start, end = near_blocks(rng, inputs, query.middle)
+    osl = inputs.call(HEADER, BODY, RESULTS)
+    return SimpleNamespace(osl=osl, normals=normals, texels=texels, map=map_, query=query, hints=hints, alpha=alpha,
+                           k=wanted, start=start, end=end, blocks=blocks)
 
 
 def arguments(visits, row):

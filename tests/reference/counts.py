@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .osl_values import constants
+from .constants import constants
 
 NUMBERS = constants("counts.h") | constants("counts_masses.h")
 PACKED_STEP = int(constants("counts_table.h")["PACKED_STEP"])

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from . import counts_table
-from .osl_values import constants
+from .constants import constants
 
 NUMBERS = constants("counts_cells.h") | constants("counts.h")
 TABLE = constants("counts_table.h")

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .osl_values import constants
+from .constants import constants
 
 NUMBERS = constants("counts_groups.h")
 KERNEL_VARIANCE = constants("footprint.h")["KERNEL_VARIANCE"]

@@ -9,7 +9,7 @@ import numpy as np
 from glint_addon.bake import counts as bake
 from glint_addon.bake.float_image import list_shape
 
-from .osl_values import constants
+from .constants import constants
 
 NUMBERS = constants("counts_table.h")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from glint_addon.bake import slope_index as bake
 
-from .osl_values import constants
+from .constants import constants
 
 NUMBERS = constants("slope_cells.h")
 SIDE = int(NUMBERS["INDEX_SIDE"])

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from . import slope_cells
-from .osl_values import constants
+from .constants import constants
 from .slope_cells import SIDE
 
 NUMBERS = constants("slope_index.h")
