@@ -30,7 +30,8 @@ def _parser():
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     run = commands.add_parser("run", help="measure scenes, each in a Blender of its own, then write the report")
     run.add_argument("--only", metavar="SCENE", nargs="+", help="these scenes alone, and nothing but scenes")
-    run.add_argument("--largest", metavar="SECONDS", type=float, default=math.inf, help="leave out larger budgets")
+    run.add_argument("--largest", metavar="SECONDS", type=float, default=math.inf,
+                     help="leave out larger budgets, but not the samples of the headline")
     run.set_defaults(command=_run)
     scene = commands.add_parser("scene", help="measure one scene in this process")
     scene.add_argument("name")

@@ -7,27 +7,46 @@ from statistics import median
 
 from .law import Law, fitted_law, samples_to
 
-HEADLINE_SPP = 4  # samples of the lobe whose error Blender's nodes are to reach
-FIRST_SPP = 1  # the same for one sample, which Cycles puts in the pixel's middle: its footprint covers the pixel best
+# Samples a pixel of the lobe whose error Blender's nodes are to reach: one, which Cycles puts in the pixel's middle,
+# a preview, and what is rendered.
+HEADLINE_SPP = (1, 4, 16, 64, 256)
+SHOWN_SPP = 4  # those of them in the plots and of the cost of a sample; every result has them
 BIAS_SPP = 64  # samples at which its energy is judged; the largest measured if there are fewer
 
 
 @dataclass(frozen=True)
-class Headline:
-    """Of one scene. Seconds without start-up, errors relative, microseconds a sample of one thread.
+class SpeedUp:
+    """Of one scene at `spp` samples of the lobe. Seconds without start-up.
 
-    error: the lobe's at HEADLINE_SPP, never below the truth's own noise, under which nothing is known;
-    nodes_seconds: what Blender's nodes take to `error`; extrapolated, by their law: beyond what was measured;
-    first_speed_up, first_extrapolated: the speed-up at FIRST_SPP.
+    error: the lobe's, relative; never below the truth's own noise, under which nothing is known;
+    is_bound: it would be below, so that the nodes take `nodes_seconds` at least;
+    nodes_seconds: what Blender's nodes take to `error`; extrapolated, by their law: beyond what was measured.
+    """
+
+    scene: str
+    spp: int
+    error: float
+    is_bound: bool
+    lobe_seconds: float
+    nodes_seconds: float
+    extrapolated: bool
+
+    @property
+    def ratio(self) -> float:
+        return self.nodes_seconds / self.lobe_seconds
+
+
+@dataclass(frozen=True)
+class Headline:
+    """Of one scene. Errors relative, microseconds a sample of one thread.
+
+    speed_ups: by samples, those of HEADLINE_SPP that were measured, SHOWN_SPP always.
     """
 
     scene: str
     texels: float
     small_lights: bool
-    error: float
-    lobe_seconds: float
-    nodes_seconds: float
-    extrapolated: bool
+    speed_ups: dict[int, SpeedUp]
     law: Law
     bias: float
     bias_spp: int
@@ -35,12 +54,11 @@ class Headline:
     lobe_microseconds: float
     nodes_microseconds: float
     nodes_osl_microseconds: float
-    first_speed_up: float
-    first_extrapolated: bool
 
     @property
-    def speed_up(self) -> float:
-        return self.nodes_seconds / self.lobe_seconds
+    def shown(self) -> SpeedUp:
+        """The speed-up at SHOWN_SPP."""
+        return self.speed_ups[SHOWN_SPP]
 
     @property
     def sample_ratio(self) -> float:
@@ -52,22 +70,27 @@ def headline(name, result) -> Headline:
     """The headline figures of the stored result of scene `name`. ValueError: rows that it needs are missing."""
     nodes = [row for row in result["rows"] if row["method"] == "nodes"]
     lobe = {row["spp"]: row for row in result["rows"] if row["method"] == "lobe"}
-    if len(nodes) < 2 or HEADLINE_SPP not in lobe or FIRST_SPP not in lobe:
+    if len(nodes) < 2 or SHOWN_SPP not in lobe:
         raise ValueError(f"The result of {name} is incomplete: run python -m benchmarks run --only {name}.")
-    shown, first = lobe[HEADLINE_SPP], lobe[FIRST_SPP]
     law = fitted_law([(row["spp"], row["seeds"], row["rmse"]) for row in nodes])
-    error, first_error = (max(row["rmse"], result["truth"]["noise"]) for row in (shown, first))
     most = max(nodes, key=lambda row: row["spp"])
-    sample_seconds = most["seconds"] / most["spp"]
+    noise, sample_seconds = result["truth"]["noise"], most["seconds"] / most["spp"]
     judged = lobe[BIAS_SPP if BIAS_SPP in lobe else max(lobe)]
     return Headline(
-        name, result["texels"], result["small_lights"], error, shown["seconds"],
-        nodes_seconds=samples_to(law, error) * sample_seconds, extrapolated=error < min(law.rmse), law=law,
-        bias=judged["bias"], bias_spp=judged["spp"], bias_noise=judged["bias_noise"],
-        lobe_microseconds=shown["microseconds"], nodes_microseconds=most["microseconds"],
+        name, result["texels"], result["small_lights"],
+        speed_ups={spp: _speed_up(name, lobe[spp], law, noise, sample_seconds) for spp in HEADLINE_SPP if spp in lobe},
+        law=law, bias=judged["bias"], bias_spp=judged["spp"], bias_noise=judged["bias_noise"],
+        lobe_microseconds=lobe[SHOWN_SPP]["microseconds"], nodes_microseconds=most["microseconds"],
         nodes_osl_microseconds=result["nodes_osl_microseconds"],
-        first_speed_up=samples_to(law, first_error) * sample_seconds / first["seconds"],
-        first_extrapolated=first_error < min(law.rmse),
+    )
+
+
+def _speed_up(name, row, law, noise, sample_seconds):
+    """That of the lobe's `row` over nodes of a Law whose sample takes `sample_seconds`; noise: the truth's own."""
+    error = max(row["rmse"], noise)
+    return SpeedUp(
+        name, row["spp"], error, is_bound=row["rmse"] < noise, lobe_seconds=row["seconds"],
+        nodes_seconds=samples_to(law, error) * sample_seconds, extrapolated=error < min(law.rmse),
     )
 
 
@@ -76,24 +99,20 @@ def headlines(results) -> list[Headline]:
     return [headline(name, result) for name, result in results["scenes"].items()]
 
 
-def median_speed_up(lines) -> tuple[float, bool]:
-    """The median speed-up, and whether one in its middle was extrapolated."""
-    ordered = sorted(lines, key=lambda line: line.speed_up)
-    middle = ordered[(len(ordered) - 1) // 2 : len(ordered) // 2 + 1]
-    return median(line.speed_up for line in ordered), any(line.extrapolated for line in middle)
+def sorted_speed_ups(lines, spp) -> list[SpeedUp]:
+    """Those of the scenes that were measured at `spp` samples, the worst first."""
+    found = [line.speed_ups[spp] for line in lines if spp in line.speed_ups]
+    return sorted(found, key=lambda each: each.ratio)
 
 
-def median_first_speed_up(lines) -> tuple[float, bool]:
-    """The median speed-up at FIRST_SPP, and whether any was extrapolated."""
-    return median(line.first_speed_up for line in lines), any(line.first_extrapolated for line in lines)
+def middle_speed_ups(ordered) -> list[SpeedUp]:
+    """The one or two in the middle of sorted speed-ups, whose mean is the median."""
+    return ordered[(len(ordered) - 1) // 2 : len(ordered) // 2 + 1]
 
 
-def worst_speed_up(lines) -> Headline:
-    return min(lines, key=lambda line: line.speed_up)
-
-
-def best_speed_up(lines) -> Headline:
-    return max(lines, key=lambda line: line.speed_up)
+def median_ratio(ordered) -> float:
+    """The median of at least one speed-up."""
+    return median(each.ratio for each in ordered)
 
 
 def worst_bias(lines) -> Headline:

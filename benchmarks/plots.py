@@ -10,7 +10,7 @@ matplotlib.use("Agg")  # no window, and the same picture everywhere
 
 import matplotlib.pyplot as plt  # noqa: E402  (after the choice above)
 
-from .headline import HEADLINE_SPP, median_speed_up  # noqa: E402
+from .headline import SHOWN_SPP, median_ratio, sorted_speed_ups  # noqa: E402
 from .methods import METHODS  # noqa: E402
 from .record import ROOT  # noqa: E402
 
@@ -50,7 +50,7 @@ def scene_figure(name, result, line):
     """Relative RMSE against seconds, both logarithmic, one curve a method; the truth's own noise as a line.
 
     Errors below that noise say nothing and are drawn on its line. A hollow circle shows where Blender's nodes reach the
-    lobe's error at HEADLINE_SPP samples; dotted: extrapolated.
+    lobe's error at SHOWN_SPP samples; dotted: extrapolated.
     """
     figure, axes = plt.subplots(figsize=(4.6, 3.4), layout="constrained")
     floor = result["truth"]["noise"]
@@ -61,7 +61,7 @@ def scene_figure(name, result, line):
         axes.plot(seconds, errors, color=color, marker=marker, markersize=7 if marker == "*" else 4, linewidth=1.2,
                   label=method.label)
     axes.axhline(floor, color="0.6", linewidth=0.8, linestyle="--", label="truth's own noise")
-    _draw_equal_error(axes, result, line)
+    _draw_equal_error(axes, result, line.shown)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("seconds without start-up")
@@ -74,18 +74,19 @@ def scene_figure(name, result, line):
 
 def summary_figure(lines):
     """How many times longer Blender's nodes take to the lobe's error: one dot a scene, sorted, logarithmic."""
-    ordered = sorted(lines, key=lambda line: line.speed_up)
+    by_name = {line.scene: line for line in lines}
+    ordered = sorted_speed_ups(lines, SHOWN_SPP)
     figure, axes = plt.subplots(figsize=(6.4, 0.9 + 0.24 * len(ordered)), layout="constrained")
-    for place, line in enumerate(ordered):
-        color = STYLES["lobe"][0] if line.small_lights else "0.5"
-        axes.plot([1.0, line.speed_up], [place, place], color=color, linewidth=1.0)
-        face = "white" if line.extrapolated else color
-        axes.plot(line.speed_up, place, "o", color=color, markerfacecolor=face, markersize=6)
-        gains = line.speed_up >= 1.0
-        axes.annotate(f"{line.speed_up:.3g}", (line.speed_up, place), xytext=(8 if gains else -8, 0), fontsize=7,
+    for place, found in enumerate(ordered):
+        color = STYLES["lobe"][0] if by_name[found.scene].small_lights else "0.5"
+        axes.plot([1.0, found.ratio], [place, place], color=color, linewidth=1.0)
+        face = "white" if found.extrapolated else color
+        axes.plot(found.ratio, place, "o", color=color, markerfacecolor=face, markersize=6)
+        gains = found.ratio >= 1.0
+        axes.annotate(f"{found.ratio:.3g}", (found.ratio, place), xytext=(8 if gains else -8, 0), fontsize=7,
                       textcoords="offset points", va="center", ha="left" if gains else "right")
     axes.axvline(1.0, color="0.3", linewidth=0.8)
-    middle = median_speed_up(lines)[0]
+    middle = median_ratio(ordered)
     axes.axvline(middle, color="#D55E00", linewidth=1.0, linestyle="--")
     axes.annotate(f"median {middle:.3g}", (middle, -0.6), xytext=(3, 0), textcoords="offset points", color="#D55E00",
                   va="center", fontsize=7)
@@ -94,21 +95,21 @@ def summary_figure(lines):
     axes.xaxis.set_minor_formatter("")
     axes.margins(x=0.12)
     axes.set_ylim(-1, len(ordered) - 0.5)
-    axes.set_yticks(range(len(ordered)), [f"{line.scene} ({line.texels:g})" for line in ordered])
-    axes.set_xlabel(f"time of Blender's nodes to Glint's error at {HEADLINE_SPP} spp, in units of Glint's time")
+    axes.set_yticks(range(len(ordered)), [f"{each.scene} ({by_name[each.scene].texels:g})" for each in ordered])
+    axes.set_xlabel(f"time of Blender's nodes to Glint's error at {SHOWN_SPP} spp, in units of Glint's time")
     axes.set_title("Scenes (texels in a pixel); blue: small lights only; hollow: extrapolated", fontsize=8)
     return figure
 
 
-def _draw_equal_error(axes, result, line):
+def _draw_equal_error(axes, result, found):
     nodes = [row for row in result["rows"] if row["method"] == "nodes"]
     last = max(nodes, key=lambda row: row["spp"])
     color = STYLES["nodes"][0]
-    if line.extrapolated:
+    if found.extrapolated:
         end = max(last["rmse"], result["truth"]["noise"])
-        axes.plot([last["seconds"], line.nodes_seconds], [end, line.error], color=color, linewidth=1.0, linestyle=":")
-    axes.plot(line.nodes_seconds, line.error, "o", color=color, markerfacecolor="white", markersize=7,
-              label=f"nodes at Glint's error ({HEADLINE_SPP} spp){', extrapolated' if line.extrapolated else ''}")
+        axes.plot([last["seconds"], found.nodes_seconds], [end, found.error], color=color, linewidth=1.0, linestyle=":")
+    axes.plot(found.nodes_seconds, found.error, "o", color=color, markerfacecolor="white", markersize=7,
+              label=f"nodes at Glint's error ({SHOWN_SPP} spp){', extrapolated' if found.extrapolated else ''}")
 
 
 def _save(figure, stem):

@@ -13,7 +13,7 @@ from glint_addon.prepare.uses import glint_uses
 
 from . import cost, methods, suite
 from .error import picture_error, truth_bias_noise
-from .headline import HEADLINE_SPP
+from .headline import HEADLINE_SPP, SHOWN_SPP
 from .record import RESULTS, machine, read_json, write_json
 from .truth import stored
 
@@ -21,7 +21,7 @@ FILE = RESULTS / "scenes.json"
 BUDGETS = tuple(np.geomspace(0.03, 5.0, 8))  # seconds without start-up, for methods that are cheap a sample
 LARGEST_BIASED = 2.5  # seconds; a biased method is at its bias by then, and the suite must end in twenty minutes
 LOBE_SPP = (1, 2, 4, 8, 16, 32, 64, 128, 256)
-SURE_SPP = 64  # the lobe's energy bias is judged there, so it is rendered unless it takes SURE_SECONDS
+SURE_SPP = 64  # the lobe's energy bias is judged there, so up to there it may take SURE_SECONDS
 SURE_SECONDS = 60.0
 LOBE_SECONDS = 10.0
 # One picture of few samples has an error that varies from seed to seed; those cost little, so more are averaged.
@@ -29,7 +29,8 @@ SEEDS = ((0.5, 3), (2.0, 2), (math.inf, 1))  # pictures for renders of at most s
 
 
 def measure_scene(name, *, largest=math.inf) -> dict:
-    """All that is measured of scene `name`; budgets above `largest` seconds are left out (at 0.07 two are left).
+    """All that is measured of scene `name`; budgets above `largest` seconds are left out (at 0.07 two are left), but of
+    the lobe not the sample counts of the headline.
 
     Raises ValueError if the stored truth is of another state of the scene, FileNotFoundError if there is none.
     """
@@ -41,7 +42,7 @@ def measure_scene(name, *, largest=math.inf) -> dict:
     for method in methods.METHODS:
         found = method_rows(method, name, truth, nodes_spp, largest)
         if method.name == "nodes":
-            nodes_spp = tuple(row["spp"] for row in found if row["spp"] != HEADLINE_SPP)
+            nodes_spp = tuple(row["spp"] for row in found if row["spp"] != SHOWN_SPP)
         rows += found
     return {
         "machine": machine(),
@@ -65,8 +66,8 @@ def method_rows(method, name, truth, nodes_spp, largest) -> list[dict]:
     rows = []
     for spp in _sample_counts(method, sample_seconds, nodes_spp, largest):
         seconds = sample_seconds * spp
-        if method.name == "lobe" and _too_long(spp, seconds, largest):
-            break
+        if method.name == "lobe" and is_too_long(spp, seconds, largest):
+            continue
         rows.append({**once, **_row(method, scene, spp, start_up, seconds, truth)})
         sample_seconds = rows[-1]["seconds"] / spp
     return rows
@@ -77,6 +78,14 @@ def nodes_osl_microseconds(name) -> float:
     scene = methods.nodes_osl_scene(name)
     start_up = measure.start_up_seconds(scene)
     return cost.render_cost(scene, cost.PILOT_SPP, start_up).microseconds(math.prod(suite.SIZE))
+
+
+def is_too_long(spp, seconds, largest=math.inf) -> bool:
+    """Whether `spp` samples of the lobe, which take `seconds`, are left out; `largest` leaves the headline whole."""
+    if spp <= SHOWN_SPP:
+        return False
+    longest = SURE_SECONDS if spp <= SURE_SPP else LOBE_SECONDS
+    return seconds > (longest if spp in HEADLINE_SPP else min(longest, largest))
 
 
 def table_bytes(scene) -> int:
@@ -102,11 +111,7 @@ def _sample_counts(method, sample_seconds, nodes_spp, largest):
         return nodes_spp[: len(budgets)]
     counts = {max(round(budget / sample_seconds), 1) for budget in budgets}
     # In close-ups the lobe's error is met so soon: the law of many samples would tell too few (flakes_close 2.7 for 4).
-    return sorted(counts | {HEADLINE_SPP} if method.unbiased else counts)
-
-
-def _too_long(spp, seconds, largest):
-    return spp > HEADLINE_SPP and seconds > min(SURE_SECONDS if spp <= SURE_SPP else LOBE_SECONDS, largest)
+    return sorted(counts | {SHOWN_SPP} if method.unbiased else counts)
 
 
 def _row(method, scene, spp, start_up, guess, truth):

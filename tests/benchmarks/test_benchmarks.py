@@ -116,22 +116,41 @@ def result(*, noise=0.001, lobe_error=0.1, small=True):
 def test_the_speed_up_is_the_nodes_time_to_the_lobes_error():
     line = headline.headline("made_up", result())
     # Error 0.1 takes (2 / 0.1)^2 = 400 samples of 1 ms; the lobe 50 ms.
-    assert line.speed_up == pytest.approx(8.0)
-    assert not line.extrapolated
+    assert line.shown == line.speed_ups[4]
+    assert line.shown.ratio == pytest.approx(8.0)
+    assert not line.shown.extrapolated and not line.shown.is_bound
     assert (line.bias, line.bias_spp) == (pytest.approx(0.064), 64)
     assert line.sample_ratio == pytest.approx(12.5 / 2.5)
-    # At one sample error 0.2 takes 100 samples; the lobe 12.5 ms.
-    assert line.first_speed_up == pytest.approx(8.0)
-    assert not line.first_extrapolated
+
+
+def test_each_sample_count_has_its_speed_up_and_one_that_was_not_measured_has_none():
+    ups = headline.headline("made_up", result(lobe_error=0.04)).speed_ups
+    # Errors 0.08 to 0.01 take 625 to 40,000 samples of 1 ms, of which 3,000 were measured; the lobe 12.5 to 800 ms.
+    assert list(ups) == [1, 4, 16, 64]
+    assert [each.ratio for each in ups.values()] == pytest.approx([50.0] * 4)
+    assert [each.extrapolated for each in ups.values()] == [False, False, True, True]
+    assert [each.nodes_seconds for each in ups.values()] == pytest.approx([0.625, 2.5, 10.0, 40.0])
 
 
 def test_beyond_the_largest_budget_the_speed_up_is_marked_and_never_below_the_truths_noise():
-    line = headline.headline("made_up", result(lobe_error=0.01))
-    assert line.extrapolated
-    assert line.speed_up == pytest.approx(800.0)
-    floored = headline.headline("made_up", result(lobe_error=0.01, noise=0.1))
-    assert floored.error == 0.1
-    assert floored.speed_up == pytest.approx(8.0)
+    found = headline.headline("made_up", result(lobe_error=0.01)).shown
+    assert found.extrapolated
+    assert found.ratio == pytest.approx(800.0)
+    floored = headline.headline("made_up", result(lobe_error=0.01, noise=0.1)).shown
+    assert floored.error == 0.1 and floored.is_bound
+    assert floored.ratio == pytest.approx(8.0)
+
+
+def test_the_median_speed_up_is_of_the_scenes_that_were_measured():
+    lines = [headline.headline(str(error), result(lobe_error=error)) for error in (0.2, 0.1, 0.4)]
+    ordered = headline.sorted_speed_ups(lines, 4)
+    assert [each.scene for each in ordered] == ["0.4", "0.2", "0.1"]
+    assert headline.median_ratio(ordered) == pytest.approx(2.0)
+    assert [each.scene for each in headline.middle_speed_ups(ordered)] == ["0.2"]
+    assert [each.scene for each in headline.middle_speed_ups(ordered[1:])] == ["0.2", "0.1"]
+    del lines[0].speed_ups[4]
+    assert headline.median_ratio(headline.sorted_speed_ups(lines, 4)) == pytest.approx((8.0 + 0.5) / 2)
+    assert headline.sorted_speed_ups(lines, 256) == []
 
 
 def test_an_incomplete_result_is_refused():
@@ -153,12 +172,19 @@ def measured():
 
 def test_the_headline_table_has_median_worst_and_marks(measured):
     results, lines = measured
+    del lines[1].speed_ups[64]
     table = report.headline_table(lines, results)
-    assert "| **404**\\* | **8** |" in table
-    assert "| 8 (one) | 8 (one) |" in table
-    assert "| 800\\* (two) | 8 (one) |" in table
+    assert "| median of all 2 scenes | median of the 1 lit by small lights only |" in table
+    assert "| 4 | **404\\*** | **8** | 8 (one) | 800\\* (two) |" in table
+    assert "| 64 | **8\\*** (1 of 2) | **8\\*** | 8\\* (one) | 8\\* (one) |" in table
+    assert "| 256 | - | - | - | - |" in table
     assert "+6.40% ± 0.20% (one)" in table
     assert "Abacus, 2 threads" in table
+
+
+def test_an_error_below_the_truths_noise_makes_the_ratio_a_bound():
+    table = report.scene_table([headline.headline("one", result(noise=0.1))])
+    assert table.splitlines()[-1].startswith("| one | 300 | 8 | 8 | ≥ 2 | ≥ 0.5 | - | -0.50 |")
 
 
 def test_every_measurement_is_a_row_of_the_page(measured):
@@ -305,10 +331,18 @@ def test_a_method_is_measured_at_every_budget_and_the_nodes_at_the_samples_of_th
     truth = Truth(mean, np.zeros_like(mean), 64, 1, bpy.app.version_string, "")
     rows = run.method_rows(methods.method("nodes"), "flakes_close", truth, (), run.BUDGETS[1])
     assert len(rows) == 3
-    assert run.HEADLINE_SPP == rows[0]["spp"] < rows[1]["spp"] < rows[2]["spp"]
+    assert headline.SHOWN_SPP == rows[0]["spp"] < rows[1]["spp"] < rows[2]["spp"]
     assert rows[0]["rmse"] > rows[1]["rmse"] > rows[2]["rmse"] > 0.0
     assert all(row["repeats"] > 1 and row["seeds"] == 3 and row["memory"] > 0 for row in rows)
     assert all(row["table_bytes"] == 0 for row in rows)
+
+
+def test_the_sample_counts_of_the_headline_are_measured_whatever_the_largest_budget():
+    assert not any(run.is_too_long(spp, 5.0, 0.5) for spp in headline.HEADLINE_SPP)
+    assert run.is_too_long(32, 5.0, 0.5) and not run.is_too_long(32, 5.0)
+    assert not run.is_too_long(64, 50.0) and run.is_too_long(64, 70.0)
+    assert run.is_too_long(256, 11.0)
+    assert not run.is_too_long(4, 1000.0, 0.0)
 
 
 def test_the_quick_benchmark_stays_within_its_limits():
