@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from statistics import median
+
+import numpy as np
 
 from .law import Law, fitted_law, samples_to
 
@@ -11,6 +14,9 @@ from .law import Law, fitted_law, samples_to
 # a preview, and what is rendered.
 HEADLINE_SPP = (1, 4, 16, 64, 256)
 SHOWN_SPP = 4  # those of them in the plots and of the cost of a sample; every result has them
+FLIP_SPP = (4, 64)  # those at which HDR-FLIP is compared, of a preview and of a final picture
+# By how much the times of Blender's nodes may fall short of the lobe's and count as the same: clocks differ so much.
+TIME_SPREAD = 1.2
 BIAS_SPP = 64  # samples at which its energy is judged; the largest measured if there are fewer
 
 
@@ -37,16 +43,25 @@ class SpeedUp:
 
 
 @dataclass(frozen=True)
+class FlipPair:
+    """Mean HDR-FLIP of the lobe, and of Blender's nodes in the lobe's time, where their budgets reach so far."""
+
+    lobe: float
+    nodes: float | None
+
+
+@dataclass(frozen=True)
 class Headline:
     """Of one scene. Errors relative, microseconds a sample of one thread.
 
-    speed_ups: by samples, those of HEADLINE_SPP that were measured, SHOWN_SPP always.
+    speed_ups: by samples, those of HEADLINE_SPP that were measured, SHOWN_SPP always; flips: those of FLIP_SPP.
     """
 
     scene: str
     texels: float
     small_lights: bool
     speed_ups: dict[int, SpeedUp]
+    flips: dict[int, FlipPair]
     law: Law
     bias: float
     bias_spp: int
@@ -79,6 +94,8 @@ def headline(name, result) -> Headline:
     return Headline(
         name, result["texels"], result["small_lights"],
         speed_ups={spp: _speed_up(name, lobe[spp], law, noise, sample_seconds) for spp in HEADLINE_SPP if spp in lobe},
+        flips={spp: FlipPair(lobe[spp]["flip"], flip_after(nodes, lobe[spp]["seconds"]))
+               for spp in FLIP_SPP if "flip" in lobe.get(spp, ())},
         law=law, bias=judged["bias"], bias_spp=judged["spp"], bias_noise=judged["bias_noise"],
         lobe_microseconds=lobe[SHOWN_SPP]["microseconds"], nodes_microseconds=most["microseconds"],
         nodes_osl_microseconds=result["nodes_osl_microseconds"],
@@ -92,6 +109,15 @@ def _speed_up(name, row, law, noise, sample_seconds):
         name, row["spp"], error, is_bound=row["rmse"] < noise, lobe_seconds=row["seconds"],
         nodes_seconds=samples_to(law, error) * sample_seconds, extrapolated=error < min(law.rmse),
     )
+
+
+def flip_after(rows, seconds) -> float | None:
+    """Mean HDR-FLIP of a method's `rows` after `seconds`, linear in the time's logarithm; None: not measured there."""
+    known = sorted((row["seconds"], row["flip"]) for row in rows if "flip" in row)
+    if not known or not known[0][0] / TIME_SPREAD <= seconds <= known[-1][0] * TIME_SPREAD:
+        return None
+    times, flips = zip(*known, strict=True)
+    return float(np.interp(math.log(seconds), np.log(times), flips))
 
 
 def headlines(results) -> list[Headline]:
@@ -113,6 +139,14 @@ def middle_speed_ups(ordered) -> list[SpeedUp]:
 def median_ratio(ordered) -> float:
     """The median of at least one speed-up."""
     return median(each.ratio for each in ordered)
+
+
+def median_flips(lines, spp) -> tuple[FlipPair, int] | None:
+    """The medians of both over the scenes that have both at `spp` samples, and how many these are."""
+    pairs = [line.flips[spp] for line in lines if spp in line.flips and line.flips[spp].nodes is not None]
+    if not pairs:
+        return None
+    return FlipPair(median(pair.lobe for pair in pairs), median(pair.nodes for pair in pairs)), len(pairs)
 
 
 def worst_bias(lines) -> Headline:

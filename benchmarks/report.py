@@ -6,7 +6,8 @@ from importlib import import_module
 from statistics import median
 
 from . import headline, methods, plots
-from .headline import BIAS_SPP, HEADLINE_SPP
+from .flip import PERCENTILE
+from .headline import BIAS_SPP, FLIP_SPP, HEADLINE_SPP
 from .record import RESULTS, ROOT, machine_line, read_json
 from .run import FILE
 
@@ -77,6 +78,8 @@ def headline_table(lines, results) -> str:
         medians = (_median_text(chosen, spp) for chosen in (lines, small))
         rows.append((spp, *medians, _scene_text(ordered[:1]), _scene_text(ordered[-1:])))
     figures = (
+        *((f"HDR-FLIP of Glint at {spp} spp / of Blender's nodes in the same time: medians",
+           lambda chosen, spp=spp: _flips_text(chosen, spp)) for spp in FLIP_SPP),
         (f"worst energy bias of Glint at {BIAS_SPP} spp, with its own uncertainty", _bias_text),
         ("cost of a sample of Glint / of Blender's nodes under OSL: median, worst", _sample_text),
     )
@@ -111,14 +114,16 @@ def page(results, lines) -> str:
 def scene_table(lines) -> str:
     """Markdown: one line for each scene, how long Blender's nodes take to the lobe's error."""
     rows = [
-        ("scene", "texels a pixel", *(f"ratio at {spp} spp" for spp in HEADLINE_SPP), "nodes' exponent",
-         "bias at 64 spp", "µs a sample: Glint", "nodes, OSL", "nodes"),
-        ("---", *["---:"] * (len(HEADLINE_SPP) + 6)),
+        ("scene", "texels a pixel", *(f"ratio at {spp} spp" for spp in HEADLINE_SPP),
+         *(f"FLIP at {spp} spp / nodes' in that time" for spp in FLIP_SPP), "nodes' exponent", "bias at 64 spp",
+         "µs a sample: Glint", "nodes, OSL", "nodes"),
+        ("---", *["---:"] * (len(HEADLINE_SPP) + len(FLIP_SPP) + 6)),
     ]
     for line in lines:
         ratios = [_ratio(line.speed_ups[spp]) if spp in line.speed_ups else MISSING for spp in HEADLINE_SPP]
         rows.append((
             line.scene + ("" if line.small_lights else " (large lights)"), f"{line.texels:g}", *ratios,
+            *(_flip_pair(line.flips[spp]) if spp in line.flips else MISSING for spp in FLIP_SPP),
             f"{line.law.exponent:.2f}", _bias(line), f"{line.lobe_microseconds:.2f}",
             f"{line.nodes_osl_microseconds:.2f}", f"{line.nodes_microseconds:.2f}",
         ))
@@ -127,14 +132,15 @@ def scene_table(lines) -> str:
 
 def row_table(result) -> str:
     """Markdown: every measurement of one scene."""
-    rows = [("method", "spp", "seconds", "relative RMSE", "relMSE", "bias", "µs a sample", "memory, MB", "tables, MB",
-             "start-up, s", "pictures", "R"), ("---", *["---:"] * 11)]
+    rows = [("method", "spp", "seconds", "relative RMSE", "relMSE", "FLIP", f"its {PERCENTILE} %", "bias",
+             "µs a sample", "memory, MB", "tables, MB", "start-up, s", "pictures", "R"), ("---", *["---:"] * 13)]
     labels = {method.name: method.label for method in methods.METHODS}
     for row in result["rows"]:
         rows.append((
             labels[row["method"]], row["spp"], f"{row['seconds']:.3f}", f"{row['rmse']:.4f}", f"{row['relmse']:.3g}",
-            f"{row['bias']:+.1%}", f"{row['microseconds']:.2f}", f"{row['memory'] / MEGABYTE:.0f}",
-            f"{row['table_bytes'] / MEGABYTE:.1f}", f"{row['start_up']:.2f}", row["seeds"], row["repeats"],
+            _flip(row.get("flip")), _flip(row.get("flip_99")), f"{row['bias']:+.1%}", f"{row['microseconds']:.2f}",
+            f"{row['memory'] / MEGABYTE:.0f}", f"{row['table_bytes'] / MEGABYTE:.1f}", f"{row['start_up']:.2f}",
+            row["seeds"], row["repeats"],
         ))
     return _markdown(rows)
 
@@ -166,8 +172,9 @@ def _picture(path):
 
 def _about(result):
     truth = result["truth"]
+    flip = f", HDR-FLIP of this noise {truth['flip']:.3f}" if "flip" in truth else ""
     return (f"About {result['texels']:g} texels in a pixel. Truth: {truth['seeds']} x {truth['spp']} spp, own noise "
-            f"{truth['noise']:.2%}, of its mean {truth['bias_noise']:.2%}. Scene {result['scene_hash']}, "
+            f"{truth['noise']:.2%}, of its mean {truth['bias_noise']:.2%}{flip}. Scene {result['scene_hash']}, "
             f"{machine_line(result['machine'])}")
 
 
@@ -181,13 +188,30 @@ def _median_text(lines, spp):
     ordered = headline.sorted_speed_ups(lines, spp)
     if not ordered:
         return MISSING
-    share = "" if len(ordered) == len(lines) else f" ({len(ordered)} of {len(lines)})"
-    return f"**{_ratio(*headline.middle_speed_ups(ordered))}**{share}"
+    return f"**{_ratio(*headline.middle_speed_ups(ordered))}**{_share(len(ordered), lines)}"
 
 
 def _scene_text(found):
     """At most one speed-up with its scene."""
     return f"{_ratio(*found)} ({found[0].scene})" if found else MISSING
+
+
+def _flip(value):
+    return MISSING if value is None else f"{value:.3f}"
+
+
+def _flip_pair(pair):
+    return f"{_flip(pair.lobe)} / {_flip(pair.nodes)}"
+
+
+def _flips_text(lines, spp):
+    found = headline.median_flips(lines, spp)
+    return MISSING if found is None else f"{_flip_pair(found[0])}{_share(found[1], lines)}"
+
+
+def _share(count, lines):
+    """Of how many scenes a median is, unless of all."""
+    return "" if count == len(lines) else f" ({count} of {len(lines)})"
 
 
 def _bias(line):

@@ -13,6 +13,7 @@ from glint_addon.prepare.uses import glint_uses
 
 from . import cost, methods, suite
 from .error import picture_error, truth_bias_noise
+from .flip import flip_error, truth_flip
 from .headline import HEADLINE_SPP, SHOWN_SPP
 from .record import RESULTS, machine, read_json, write_json
 from .truth import stored
@@ -50,7 +51,8 @@ def measure_scene(name, *, largest=math.inf) -> dict:
         "texels": module.TEXELS,
         "small_lights": module.SMALL_LIGHTS,
         "truth": {"spp": truth.spp, "seeds": truth.seeds, "blender": truth.blender, "noise": truth.noise,
-                  "bias_noise": truth_bias_noise(truth.mean, truth.variance)},
+                  "bias_noise": truth_bias_noise(truth.mean, truth.variance),
+                  "flip": truth_flip(truth.mean, truth.variance)},
         "nodes_osl_microseconds": nodes_osl_microseconds(name),
         "rows": rows,
     }
@@ -136,4 +138,5 @@ def _row(method, scene, spp, start_up, guess, truth):
         "seeds": seeds,
         "microseconds": spent.microseconds(math.prod(suite.SIZE)),
         **asdict(picture_error(pictures, truth.mean, truth.variance)),
+        **asdict(flip_error(pictures, truth.mean)),
     }

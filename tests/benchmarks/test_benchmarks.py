@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from benchmarks import cost, headline, methods, plots, quick, record, report, run, suite, widened
+from benchmarks import cost, flip, headline, methods, plots, quick, record, report, run, suite, widened
 from benchmarks.__main__ import main
 from benchmarks.error import RELATIVE_EPSILON, picture_error
 from benchmarks.law import fitted_law, samples_to
@@ -52,6 +52,60 @@ def test_a_picture_of_another_size_and_a_black_truth_are_refused():
         picture_error([np.ones((4, 4))], FLAT, NO_VARIANCE)
     with pytest.raises(ValueError, match="light the scene"):
         picture_error([FLAT], NO_VARIANCE, NO_VARIANCE)
+
+
+# HDR-FLIP
+
+
+@pytest.fixture
+def dim():
+    """A picture of luminance 0.001 to 10, half of it black."""
+    picture = np.geomspace(0.001, 10.0, 32 * 32).reshape(32, 32)
+    return np.where(np.arange(32) % 2, picture, 0.0)
+
+
+def noisy(picture, deviation):
+    """`picture` with independent relative noise."""
+    return np.maximum(picture * (1.0 + deviation * np.random.default_rng(2).standard_normal(picture.shape)), 0.0)
+
+
+def test_pictures_that_are_equal_have_no_flip_and_it_grows_with_the_noise(dim):
+    assert flip.flip_error([dim, dim], dim) == flip.Flip(0.0, 0.0)
+    found = [flip.flip_error([noisy(dim, deviation)], dim) for deviation in (0.05, 0.2, 0.8)]
+    assert 0.0 < found[0].flip < found[1].flip < found[2].flip < 1.0
+    assert all(each.flip < each.flip_99 <= 1.0 for each in found)
+    both = flip.flip_error([dim, noisy(dim, 0.2)], dim)
+    assert both.flip == pytest.approx(found[1].flip / 2) and both.flip_99 == pytest.approx(found[1].flip_99 / 2)
+
+
+def test_flip_does_not_depend_on_the_unit_of_light(dim):
+    """Exposures follow the truth: a scene of a thousandth of the light has the same error."""
+    wanted = flip.flip_error([noisy(dim, 0.3)], dim)
+    for unit in (1e-3, 1e3):
+        found = flip.flip_error([noisy(dim, 0.3) * unit], dim * unit)
+        assert found.flip == pytest.approx(wanted.flip, rel=1e-3)
+        start = flip.exposures(dim * unit)["startExposure"] + math.log2(unit)
+        assert start == pytest.approx(flip.exposures(dim)["startExposure"], abs=1e-3)
+
+
+def test_errors_are_seen_at_all_brightnesses_of_the_truth_and_not_in_its_black(dim):
+    bright, faint = dim.copy(), dim.copy()
+    bright[24:], faint[8:12] = noisy(dim, 0.5)[24:], noisy(dim, 0.5)[8:12]
+    assert flip.flip_error([bright], dim).flip > 0.01
+    assert flip.flip_error([faint], dim).flip > 0.01
+    assert flip.flip_error([dim + 1e-7], dim).flip < 1e-3
+
+
+def test_the_truths_own_noise_has_a_flip(dim):
+    assert flip.truth_flip(dim, np.zeros_like(dim)) == 0.0
+    assert flip.truth_flip(dim, (0.05 * dim) ** 2) == pytest.approx(
+        flip.flip_error([noisy(dim, 0.05)], dim).flip, rel=0.2
+    )
+
+
+def test_flip_of_a_picture_of_another_size_is_refused(dim):
+    with pytest.raises(ValueError, match="renew the truth"):
+        flip.flip_error([np.ones((4, 4))], dim)
 
 
 # Law and headline
@@ -153,6 +207,34 @@ def test_the_median_speed_up_is_of_the_scenes_that_were_measured():
     assert headline.sorted_speed_ups(lines, 256) == []
 
 
+def with_flips(found):
+    """A stored result with an HDR-FLIP of 1 / log2(spp + 1) for each row."""
+    found["truth"]["flip"] = 0.0125
+    for row in found["rows"]:
+        row["flip"] = 1.0 / math.log2(row["spp"] + 1)
+        row["flip_99"] = min(2.0 * row["flip"], 1.0)
+    return found
+
+
+def test_flip_is_compared_in_the_same_time_where_it_was_measured():
+    rows = [{"seconds": 0.1, "flip": 0.4}, {"seconds": 10.0, "flip": 0.2}, {"seconds": 99.0}]
+    assert headline.flip_after(rows, 1.0) == pytest.approx(0.3)
+    assert headline.flip_after(rows, 0.09) == 0.4 and headline.flip_after(rows, 11.0) == 0.2
+    assert headline.flip_after(rows, 0.05) is None and headline.flip_after(rows, 20.0) is None
+    assert headline.flip_after([{"seconds": 1.0}], 1.0) is None
+
+
+def test_flips_of_the_headline_are_of_the_scenes_that_have_them():
+    lines = [headline.headline("new", with_flips(result())), headline.headline("old", result())]
+    assert list(lines[0].flips) == [4, 64] and lines[1].flips == {}
+    # The lobe's 0.8 s at 64 spp are between the nodes' 300 and 1,000 samples of 1 ms.
+    pair = lines[0].flips[64]
+    assert pair.lobe == pytest.approx(1 / math.log2(65))
+    assert 1 / math.log2(1001) < pair.nodes < 1 / math.log2(301)
+    assert headline.median_flips(lines, 64) == (pair, 1)
+    assert headline.median_flips(lines[1:], 64) is None
+
+
 def test_an_incomplete_result_is_refused():
     broken = result()
     broken["rows"] = [row for row in broken["rows"] if row["spp"] != 4]
@@ -178,13 +260,14 @@ def test_the_headline_table_has_median_worst_and_marks(measured):
     assert "| 4 | **404\\*** | **8** | 8 (one) | 800\\* (two) |" in table
     assert "| 64 | **8\\*** (1 of 2) | **8\\*** | 8\\* (one) | 8\\* (one) |" in table
     assert "| 256 | - | - | - | - |" in table
+    assert "in the same time: medians | - | - |" in table
     assert "+6.40% ± 0.20% (one)" in table
     assert "Abacus, 2 threads" in table
 
 
 def test_an_error_below_the_truths_noise_makes_the_ratio_a_bound():
     table = report.scene_table([headline.headline("one", result(noise=0.1))])
-    assert table.splitlines()[-1].startswith("| one | 300 | 8 | 8 | ≥ 2 | ≥ 0.5 | - | -0.50 |")
+    assert table.splitlines()[-1].startswith("| one | 300 | 8 | 8 | ≥ 2 | ≥ 0.5 | - | - | - | -0.50 |")
 
 
 def test_every_measurement_is_a_row_of_the_page(measured):
@@ -194,6 +277,18 @@ def test_every_measurement_is_a_row_of_the_page(measured):
     for row in results["scenes"]["one"]["rows"]:
         label = methods.method(row["method"]).label
         assert f"| {label} | {row['spp']} | {row['seconds']:.3f} | {row['rmse']:.4f} |" in page
+
+
+def test_tables_show_flip_where_it_was_measured():
+    results = {"scenes": {"new": with_flips(result()), "old": result()}}
+    lines = headline.headlines(results)
+    table = report.headline_table(lines, results)
+    assert "Glint at 4 spp / of Blender's nodes in the same time: medians | 0.431 / 0.180 (1 of 2) |" in table
+    assert "| 0.431 / 0.180 | 0.166 / 0.104 | -0.50 |" in report.scene_table(lines)
+    assert "| 0.0250 | 0.01 | 0.166 | 0.332 | +6.4% |" in report.row_table(results["scenes"]["new"])
+    assert "| 0.0250 | 0.01 | - | - | +6.4% |" in report.row_table(results["scenes"]["old"])
+    page = report.page(results, lines)
+    assert page.count("HDR-FLIP of this noise 0.013") == 1
 
 
 def test_stress_cases_are_listed_whole():
@@ -335,6 +430,7 @@ def test_a_method_is_measured_at_every_budget_and_the_nodes_at_the_samples_of_th
     assert rows[0]["rmse"] > rows[1]["rmse"] > rows[2]["rmse"] > 0.0
     assert all(row["repeats"] > 1 and row["seeds"] == 3 and row["memory"] > 0 for row in rows)
     assert all(row["table_bytes"] == 0 for row in rows)
+    assert 1.0 > rows[0]["flip"] > rows[2]["flip"] > 0.0
 
 
 def test_the_sample_counts_of_the_headline_are_measured_whatever_the_largest_budget():
