@@ -6,7 +6,10 @@ For the two maps of query_scene.py and each half-width:
 * elements visited;
 * relative RMSE of the NDF over many footprints and two half vectors, in units of its mean, less the noise of the binned
   truth (query_truth.py): of the enumerated closures alone, and of the whole answer of one sample, whose remainder is
-  one random normal. The contrast is the RMSE of an answer that is 0: narrow footprints seldom meet a glint.
+  one random normal. The contrast is the RMSE of an answer that is 0: narrow footprints seldom meet a glint;
+* the systematic part of the former, which no number of samples makes up for: far footprints are answered by a few
+  groups of blocks drawn at random, and the noise of the draws is averaged away over DRAWS samples. What noise is left
+  in their mean is estimated from the differences of its GROUPS, and subtracted.
 
 Bytes a texel are those of the table as Cycles holds it, in 32-bit floats; a bake is timed from pixels to file.
 """
@@ -30,12 +33,15 @@ from glint_addon.nodes.script_node import compile_script_node
 
 from . import query_scene, query_truth
 from .command import run_command
-from .cost import render_cost
+from .cost import pinned_samples, render_cost
 from .record import RESULTS, machine, machine_line
 
 FILE = RESULTS / "query.json"
 REMAINDER = "remainder = plain;"  # the statement of osl/lobe.h that adds the sample's own normal
+WALL_STEP = 0.1  # metres
 TIMINGS = 3  # renders of `cost.LEAST_SECONDS` or more; their median counts
+GROUPS = 4  # renders of independent random numbers
+DRAWS = 128  # samples of them all: a noise of 30 % a sample, the most at far footprints, is 3 % in their mean
 BAKES = 3  # their median counts
 
 
@@ -57,15 +63,16 @@ def run() -> dict:
 def table(results) -> str:
     """The results of `run` as two Markdown tables."""
     lines = [
-        "| map | half-width, texels | microseconds | elements | NDF, relative RMSE | with the remainder | contrast | "
-        "truth's noise |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+        "| map | half-width, texels | microseconds | elements | NDF, relative RMSE | its systematic part | "
+        "with the remainder | contrast | truth's noise |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for name, found in results["maps"].items():
         for row in found["rows"]:
-            percents = " | ".join(f"{row[key]:.1%}" for key in ("rmse", "sample_rmse", "contrast", "noise"))
+            percents = " | ".join(f"{row[key]:.1%}" for key in ("sample_rmse", "contrast", "noise"))
             time_taken = _three_digits(row["microseconds"])
-            lines.append(f"| {name} | {row['half_width']} | {time_taken} | {row['visited']:.0f} | {percents} |")
+            lines.append(f"| {name} | {row['half_width']} | {time_taken} | {row['visited']:.0f} | {row['rmse']:.1%} | "
+                         f"{_systematic(row)} | {percents} |")
     lines += ["", "| map | interpolation | one closure, microseconds | bytes a texel | bake, seconds |",
               "| --- | --- | ---: | ---: | ---: |"]
     lines += [
@@ -96,22 +103,55 @@ def query_microseconds(kind, half_width) -> float:
 
 def ndf_error(kind, half_width, truth) -> dict:
     """Relative RMSE of the NDF of every footprint against an NdfTruth, whose own variance is subtracted."""
-    answers = {}
-    for alone in (True, False):
-        pictures = []
-        for half_vector in query_scene.HALF_VECTORS:
-            scene, _ = query_scene.query_scene(kind, half_width, half_vector)
-            if alone:
-                drop_remainder(scene)
-            pictures.append(measure.luminance(measure.rendered(scene)).ravel())
-        answers[alone] = np.stack(pictures)
+    alone, whole, draws = [], [], []
+    for half_vector in query_scene.HALF_VECTORS:
+        scene, _ = query_scene.query_scene(kind, half_width, half_vector)
+        whole.append(measure.luminance(measure.rendered(scene)).ravel())
+        drop_remainder(scene)
+        alone.append(measure.luminance(measure.rendered(scene)).ravel())
+        draws.append(independent_means(scene))
+    systematic, uncertainty = systematic_error(np.stack(draws, axis=1), truth)
     return {
-        "rmse": relative_rmse(answers[True], truth),
-        "sample_rmse": relative_rmse(answers[False], truth),
-        "bias": float(answers[True].mean() / truth.mean.mean() - 1.0),
+        "rmse": relative_rmse(np.stack(alone), truth),
+        "systematic_rmse": systematic,
+        "systematic_noise": uncertainty,
+        "sample_rmse": relative_rmse(np.stack(whole), truth),
+        "bias": float(np.mean(alone) / truth.mean.mean() - 1.0),
         "contrast": math.sqrt(np.mean(truth.mean**2) - truth.variance) / float(truth.mean.mean()),
         "noise": truth.noise,
     }
+
+
+def independent_means(scene) -> np.ndarray:
+    """GROUPS means (GROUPS, footprints) of DRAWS samples in all, whose footprints are those of one sample a pixel.
+
+    The lobe takes its random numbers from the place in space, and the first sample of a pixel is always in its middle:
+    so the wall is nearer to the camera in each group, which changes nothing else of an orthographic picture.
+    """
+    wall = scene.objects["Wall"]
+    scene.cycles.samples = DRAWS // GROUPS
+    means = []
+    with pinned_samples(1):
+        for group in range(GROUPS):
+            wall.location.z = WALL_STEP * group
+            means.append(measure.luminance(measure.rendered(scene)).ravel())
+    return np.stack(means)
+
+
+def systematic_error(means, truth) -> tuple[float, float]:
+    """(relative RMSE of the expected answer, its standard deviation) against an NdfTruth; an RMSE of 0: cannot be told.
+
+    means: independent answers (groups, half vectors, footprints) of equal variance. From the square of each footprint's
+    error the variance of its mean and the truth's are subtracted. The standard deviation takes footprints for
+    independent; it is that of the square, so of an RMSE near 0 it is the RMSE that the noise may hide.
+    """
+    variance = means.var(axis=0, ddof=1) / len(means)
+    squares = (means.mean(axis=0) - truth.mean) ** 2 - variance - truth.variance
+    scale = float(truth.mean.mean())
+    rmse = math.sqrt(max(float(squares.mean()), 0.0)) / scale
+    deviation = float(squares.std() / math.sqrt(squares.size)) / scale**2
+    # d sqrt(x) = dx / (2 sqrt(x)), but no more than sqrt(dx), which it is at x = 0.
+    return rmse, min(deviation / (2.0 * rmse) if rmse > 0.0 else math.inf, math.sqrt(deviation))
 
 
 def relative_rmse(answer, truth) -> float:
@@ -189,6 +229,13 @@ def _microseconds(scene):
         cost = render_cost(scene, 1, start_up, guess=times[-1].seconds if times else None)
         times.append(cost)
     return float(np.median([cost.microseconds(query_scene.SIDE**2) for cost in times]))
+
+
+def _systematic(row):
+    """The systematic error with its standard deviation; "-" in results from before it was measured."""
+    if "systematic_rmse" not in row:
+        return "-"
+    return f"{row['systematic_rmse']:.1%} ± {row['systematic_noise']:.1%}"
 
 
 def _three_digits(value):

@@ -60,6 +60,22 @@ def test_interpolated_normals_are_the_texels_at_their_centres_and_wrap():
     np.testing.assert_allclose(middle, (mean := normals[1, 7] + normals[1, 0]) / np.linalg.norm(mean))
 
 
+def test_the_systematic_error_is_what_is_left_of_the_mean_of_all_draws():
+    """An answer 5 % off at each footprint, noise of 20 % a group and a truth of 3 %."""
+    rng = np.random.default_rng(4)
+    right = rng.uniform(1.0, 3.0, (2, 576))
+    scale = right.mean()
+    for off in (0.05, 0.0):
+        answer = right + off * scale * rng.choice([-1.0, 1.0], right.shape)
+        means = answer + 0.2 * scale * rng.standard_normal((query.GROUPS, *right.shape))
+        truth = query_truth.NdfTruth(right + 0.03 * scale * rng.standard_normal(right.shape), (0.03 * scale) ** 2, 1)
+        found, deviation = query.systematic_error(means, truth)
+        assert query.relative_rmse(means[0], truth) > 0.15
+        square_deviation = deviation * max(2.0 * found, deviation)
+        assert abs(found**2 - off**2) < 4.0 * square_deviation
+        assert 0.0 < square_deviation < 0.001
+
+
 TRUTH = stress("a million binned samples a footprint", fast=[
     "benchmarks/test_query_table.py::test_binning_a_flat_map_gives_one_lobe",
     "benchmarks/test_query_table.py::test_without_hints_the_wall_is_one_closure_of_the_pixels_own_normal",
@@ -97,6 +113,16 @@ def test_the_query_alone_agrees_with_binning_and_the_remainder_only_adds_noise(m
     assert error["rmse"] < error["sample_rmse"]
 
 
+def test_groups_of_draws_have_random_numbers_of_their_own(monkeypatch):
+    """At a far footprint, whose blocks are drawn: differences of groups know nothing of those of other groups."""
+    monkeypatch.setattr(query, "DRAWS", 4 * query.GROUPS)
+    scene, _ = query_scene.query_scene(query_scene.query_map("flakes"), 96, query_scene.HALF_VECTORS[0])
+    first, second, third, fourth = query.independent_means(scene)
+    assert (first - second).std() > 0.01 * first.mean()
+    # A correlation of n pairs that are independent has a deviation of 1 / sqrt(n), here of 1 / SIDE.
+    assert abs(np.corrcoef(first - second, third - fourth)[0, 1]) < 4.0 / query_scene.SIDE
+
+
 def test_without_hints_the_wall_is_one_closure_of_the_pixels_own_normal():
     """Its brightness is known: the unit of the query scene's radiance is that of the binned truth."""
     kind = query_scene.query_map("flakes")
@@ -112,9 +138,12 @@ def test_without_hints_the_wall_is_one_closure_of_the_pixels_own_normal():
 
 def test_the_table_of_a_query_says_what_was_measured():
     text = query.table(RESULTS)
-    assert "| flakes | 6 | 5.12 | 113 | 3.1% | 5.2% | 150.0% | 1.0% |" in text
+    assert "| flakes | 6 | 5.12 | 113 | 3.1% | - | 5.2% | 150.0% | 1.0% |" in text
     assert "| flakes | Closest | 0.50 | 16.0 | 0.25 |" in text
     assert "1e+08 binned samples" in text and "Abacus" in text
+    row = RESULTS["maps"]["flakes"]["rows"][0] | {"systematic_rmse": 0.0246, "systematic_noise": 0.0012}
+    newer = RESULTS | {"maps": {"flakes": RESULTS["maps"]["flakes"] | {"rows": [row]}}}
+    assert "| 3.1% | 2.5% ± 0.1% | 5.2% |" in query.table(newer)
 
 
 def test_bytes_and_seconds_of_a_bake_are_measured():
