@@ -68,9 +68,11 @@ def bake(width: int, height: int, interpolation: str) -> dict:
         table, _ = bake_table(normals, Path(folder), interpolation=interpolation)
         levels = every[0], every[-1]
         counts = bake_counts(normals, Path(folder), interpolation=interpolation, levels=levels)[0]
-        index, _ = bake_index(normals, Path(folder), interpolation=interpolation)
+        files = [table, counts]
+        if interpolation == "CLOSEST":
+            files.append(bake_index(normals, Path(folder))[0])
         seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - cpu_start
-        sizes = [path.stat().st_size for path in (table, counts, index)]
+        sizes = [path.stat().st_size for path in files] + [0] * (3 - len(files))
     return {
         "seconds": seconds, "cpu_seconds": cpu_seconds, "peak_bytes": _peak_bytes(), "before_bytes": before,
         "table_bytes": sizes[0], "counts_bytes": sizes[1], "index_bytes": sizes[2],

@@ -1,5 +1,5 @@
 #pragma once
-/* The table of the index: the elements of small blocks of the map, sorted by slope into cells. Layout:
+/* The table of the index: the texels of small blocks of the map, sorted by slope into cells. Layout:
  * glint_addon/bake/slope_index.py, which writes the table. */
 
 #include "light_hint.h"
@@ -108,7 +108,7 @@ struct CellRange {
   int to1;
   int from2;
   int to2;
-  int listed; /* elements in all cells of the block; the others, the tail, are always visited */
+  int listed; /* texels in all cells of the block; the others, the tail, are always visited */
   int is_intact; /* whether the block's record is whole (see table_is_intact); else the range has no cells */
 };
 
@@ -130,11 +130,10 @@ CellRange block_cells(output Map map, Index index, int record, SlopeBasis basis,
     unscaled_bounds(map.strength, extent[1], low2, high2);
   }
   CellRange range;
-  float margin = extent[0];
-  range.from1 = (int)clamp((low1 - margin - cells[0]) * cells[2] - INDEX_ROUNDING, 0.0, INDEX_COLUMNS - 1.0);
-  range.to1 = (int)clamp((high1 + margin - cells[0]) * cells[2] + INDEX_ROUNDING, 0.0, INDEX_COLUMNS - 1.0);
-  range.from2 = (int)clamp((low2 - margin - cells[1]) * scale2 - INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
-  range.to2 = (int)clamp((high2 + margin - cells[1]) * scale2 + INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
+  range.from1 = (int)clamp((low1 - cells[0]) * cells[2] - INDEX_ROUNDING, 0.0, INDEX_COLUMNS - 1.0);
+  range.to1 = (int)clamp((high1 - cells[0]) * cells[2] + INDEX_ROUNDING, 0.0, INDEX_COLUMNS - 1.0);
+  range.from2 = (int)clamp((low2 - cells[1]) * scale2 - INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
+  range.to2 = (int)clamp((high2 - cells[1]) * scale2 + INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
   range.listed = (int)extent[2];
   /* Test one number of each channel, because a damaged file may lose any of them. */
   range.is_intact = magic == INDEX_MAGIC && extent[0] > 0.0 && extent[1] > 0.0 && cells[2] > 0.0 &&

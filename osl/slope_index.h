@@ -1,7 +1,7 @@
 #pragma once
-/* The index for the middle distance: the elements of small blocks of the map, sorted by slope (slope_cells.h), so that
- * a sample visits only those near a half vector, the candidates. The answer is exact, because candidates are fetched
- * from the table of normals and tested as in a visit of all: decision 14. */
+/* The index for the middle distance: the texels of small blocks of the map, sorted by slope (slope_cells.h), so that a
+ * sample visits only those near a half vector, the candidates. The answer is exact, because candidates are fetched from
+ * the table of normals and tested as in a visit of all: decision 14. Patches have none: decision 71. */
 
 #include "slope_cells.h"
 #include "visits.h"
@@ -14,15 +14,12 @@
 #define INDEX_SHORT_AXIS 3.0
 /* Largest number of blocks in the footprint's bounding box. */
 #define INDEX_BLOCKS 160
-/* Costs in nanoseconds that choose between the index and visits of all elements: of a block, of an element of its
- * lists, of a candidate that is a texel or a patch, and of a texel or a patch visited row by row: decision 15. A
- * candidate patch fetches all its corners, and a patch in a row only the new ones. */
+/* Costs in nanoseconds that choose between the index and visits of all texels: of a block, of a texel of its lists, of
+ * a candidate, and of a texel visited row by row: decision 15. */
 #define INDEX_BLOCK_COST 300.0
 #define INDEX_LISTED_COST 11.0
 #define INDEX_TEXEL_COST 90.0
-#define INDEX_PATCH_COST 220.0
 #define TEXEL_COST 48.0
-#define PATCH_COST 85.0
 
 /* A block of the map under the footprint. */
 struct Block {
@@ -43,7 +40,6 @@ void visit_listed(output Map map, Index index, Query query, Block block, int k, 
   Visit visit = whole_visit(query);
   visit.from = k;
   visit.to = k + 1;
-  float to_corner = map.is_linear ? 0.5 : 0.0;
   for (int group = start / 8; 8 * group < end; ++group) {
     float fourth = 0;
     color pairs = 0;
@@ -64,14 +60,9 @@ void visit_listed(output Map map, Index index, Query query, Block block, int k, 
         map.costs.visited += 1;
         visit.i = block.column + x;
         visit.j = block.row + y;
-        visit.offset_u = du - to_corner;
-        visit.offset_v = dv - to_corner;
-        if (map.is_linear) {
-          visit_patch(map, query, visit, s);
-        }
-        else {
-          visit_texel(map, query, visit, s);
-        }
+        visit.offset_u = du;
+        visit.offset_v = dv;
+        visit_texel(map, query, visit, s);
       }
     }
   }
@@ -83,7 +74,7 @@ int index_serves(output Map map, Query query)
   Footprint footprint = query.footprint;
   float blocks = (2.0 * hypot(footprint.ux, footprint.uy) / INDEX_SIDE + 1.0) *
                  (2.0 * hypot(footprint.vx, footprint.vy) / INDEX_SIDE + 1.0);
-  if (!map.is_indexed || footprint.area < INDEX_AREA || footprint.short_axis < INDEX_SHORT_AXIS ||
+  if (map.is_linear || !map.is_indexed || footprint.area < INDEX_AREA || footprint.short_axis < INDEX_SHORT_AXIS ||
       blocks > INDEX_BLOCKS) {
     return 0;
   }
@@ -114,12 +105,11 @@ int index_serves(output Map map, Query query)
     candidates += side_u * side_v - range.listed;
   }
   float share = candidates / (float)(side_u * side_v);
-  float found_cost = map.is_linear ? INDEX_PATCH_COST : INDEX_TEXEL_COST;
   float listed = share * INDEX_SIDE * INDEX_SIDE;
   float index_cost = blocks * (INDEX_BLOCK_COST * query.hint_count + listed * INDEX_LISTED_COST) +
-                     footprint.area * share * found_cost;
-  float visit_cost = footprint.area > map.visits ? map.visits * found_cost :
-                                                      footprint.area * (map.is_linear ? PATCH_COST : TEXEL_COST);
+                     footprint.area * share * INDEX_TEXEL_COST;
+  float visit_cost = footprint.area > map.visits ? map.visits * INDEX_TEXEL_COST :
+                                                      footprint.area * TEXEL_COST;
   return index_cost < visit_cost;
 }
 

@@ -1,28 +1,25 @@
-"""The index table: the elements of each small block of a normal map, sorted by slope.
+"""The index table: the texels of each small block of a normal map that is read by Closest, sorted by slope.
 
 For footprints of a hundred to some thousand texels, where one still sees single glints: of each block under the
-footprint the shader visits only the elements whose slopes lie near a half vector (the inverse bin map of Atanasov,
+footprint the shader visits only the texels whose slopes lie near a half vector (the inverse bin map of Atanasov,
 Wilkie, Koylazov, Krivanek, "A Multiscale Microfacet Model Based on Inverse Bin Mapping", Eurographics 2021, in blocks).
-The index holds the places of elements and no slopes: the shader fetches each element from the table of normals, so
-nothing is rounded.
+The index holds the places of texels and no slopes: the shader fetches each normal from the table of normals, so
+nothing is rounded. Smooth maps (Linear) have none: decision 71.
 
-* Elements: texels (Closest), or bilinear patches between texel centres (Linear; the map repeats), see counts.py.
 * Blocks: SIDE x SIDE texels, the last of a row or column cut off at the map's edge.
 * Cells: ROWS x COLUMNS over the slopes of the block (n.x / n.z, n.y / n.z), without Strength; slopes beyond these fall
-  into the outermost cells. A patch belongs to the cell of the middle of its corners' slopes, and reaches no farther
-  than the block's margin. Wider patches, normals below the horizon and steep normals are the tail, which is always
-  visited.
+  into the outermost cells. Normals below the horizon and steep normals are the tail, which is always visited.
 
 Layout (read by osl/slope_index.h; a test compares the constants): an RGBA float32 OpenEXR file, both sides powers of
 two, texel t at column t % width, row t / width, row 0 at the bottom. Block (i, j) has RECORD texels from
 RECORD (j columns + i) on:
 
 * texel 0: low slope u, low slope v, cells per slope along u and along v;
-* texel 1: margin (slope), smallest n.z of what is in cells, number of elements in cells, MAGIC. A file stores the
-  channels of a row one after the other, so any may be lost by itself, and is 0 then: margin, smallest n.z, cells per
-  slope along u and MAGIC, one of each channel, are more than 0 in all that is whole;
-* texels 2..127: for each cell, row by row, how many elements lie in the cells before it, four to a texel;
-* texels 128..255: the elements, cell by cell, then the tail: row SIDE + column within the block; two to a float (the
+* texel 1: 1, smallest n.z of what is in cells, number of texels in cells, MAGIC. A file stores the channels of a row
+  one after the other, so any may be lost by itself, and is 0 then: 1, smallest n.z, cells per slope along u and MAGIC,
+  one of each channel, are more than 0 in all that is whole;
+* texels 2..127: for each cell, row by row, how many texels lie in the cells before it, four to a texel;
+* texels 128..255: the texels, cell by cell, then the tail: row SIDE + column within the block; two to a float (the
   second times SIDE^2), eight to a texel.
 """
 
@@ -38,7 +35,7 @@ from .progress import Steps
 from .slope_counts import LARGEST_SLOPE
 
 MAGIC = 7951.0  # other kinds of table have other numbers
-VERSION = 3  # part of the content address: raise it when the layout changes
+VERSION = 4  # part of the content address: raise it when the layout changes
 SIDE = 32  # texels of a block
 COLUMNS, ROWS = 36, 14  # cells along slope u and v: as many as a record has room for
 CELLS = COLUMNS * ROWS
@@ -46,12 +43,7 @@ RECORD = 256  # texels of a block's record
 FIRST_PREFIX, FIRST_ELEMENT = 2, 128
 # Standard deviations of the slopes from their mean that the cells span; the outermost cells hold all slopes beyond.
 SPAN = 2.5
-# Standard deviations of the patches' half extents above their mean that the margin allows; wider patches are the
-# tail.
-WIDE = 2.0
-LEAST_MARGIN = 1e-9  # slope: of texels, which have no extent; more than 0, and too little to widen anything
 LEAST_RANGE = 1e-6  # of slopes in a block: a flat block has cells too
-ROUNDING = 1e-5  # relative: rounding must not make patches that are all alike wider than their mean
 INDEXED = 0.96  # part of the work done when the index is in memory
 
 
@@ -65,9 +57,7 @@ def index_shape(width: int, height: int) -> tuple[int, int]:
     return list_shape(RECORD * blocks(width) * blocks(height))
 
 
-def index_texels(
-    normals: np.ndarray, interpolation: str, progress: Callable[[float], None] | None = None
-) -> np.ndarray:
+def index_texels(normals: np.ndarray, progress: Callable[[float], None] | None = None) -> np.ndarray:
     """Padded RGBA float32 pixels of the table, row 0 at the bottom; normals: float32 (height, width, 3).
 
     progress: called often with the part of the work done, 0..1; an exception that it raises ends the work.
@@ -79,18 +69,18 @@ def index_texels(
     in_row = RECORD * blocks(width)
     for row in range(blocks(height)):
         low, high = row * SIDE, min(row * SIDE + SIDE, height)
-        texels[row * in_row : (row + 1) * in_row] = _row_records(normals, interpolation, low, high).reshape(-1, 4)
+        texels[row * in_row : (row + 1) * in_row] = _row_records(normals[low:high]).reshape(-1, 4)
         steps.add(high - low)
     return texels.reshape(file_height, file_width, 4)
 
 
-def index_name(normals: np.ndarray, interpolation: str) -> str:
+def index_name(normals: np.ndarray) -> str:
     """File name by content: the same normals give the same name on every machine."""
-    return table_file_name(f"glint index {VERSION} {interpolation}", normals, "_index")
+    return table_file_name(f"glint index {VERSION}", normals, "_index")
 
 
 def bake_index(
-    normals: np.ndarray, folder: Path, *, interpolation: str, progress: Callable[[float], None] | None = None
+    normals: np.ndarray, folder: Path, *, progress: Callable[[float], None] | None = None
 ) -> tuple[Path, bool]:
     """Write the index of `normals`, (height, width, 3) of `decoded_normals`, into `folder`, unless there and whole.
 
@@ -98,51 +88,46 @@ def bake_index(
     Returns its path and whether it was written now. The file appears whole or not at all.
     Raises TableError if the folder cannot be written to.
     """
-    path = Path(folder) / index_name(normals, interpolation)
+    path = Path(folder) / index_name(normals)
     if is_whole(path):
         return path, False
-    texels = index_texels(normals, interpolation, progress and (lambda part: progress(INDEXED * part)))
+    texels = index_texels(normals, progress and (lambda part: progress(INDEXED * part)))
     write_whole(path, texels, steps=Steps(progress, len(texels), start=INDEXED))
     return path, True
 
 
-def _row_records(normals: np.ndarray, interpolation: str, low: int, high: int) -> np.ndarray:
-    """Records of the blocks of one row, texel rows low..high - 1: float32 (blocks, RECORD, 4)."""
-    width = normals.shape[1]
+def _row_records(normals: np.ndarray) -> np.ndarray:
+    """Records of the blocks of one row, whose normals are (up to SIDE, width, 3): float32 (blocks, RECORD, 4)."""
+    rows, width = normals.shape[:2]
     count = blocks(width)
-    middle, half, least_z = _slopes(normals, low, high, reach=int(interpolation == "LINEAR"))
-    listed = (least_z > 0) & (np.abs(middle) + half <= LARGEST_SLOPE).all(axis=0)
+    x, y, z = np.moveaxis(normals, -1, 0)
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        slopes = np.nan_to_num(np.stack([x / z, y / z]), nan=np.inf)
+    listed = (z > 0) & (np.abs(slopes) <= LARGEST_SLOPE).all(axis=0)
 
     # (blocks, SIDE^2) of each, row by row within a block; beyond the map's edge nothing is present.
-    present = _by_blocks(np.ones((high - low, width), bool), count)
+    present = _by_blocks(np.ones((rows, width), bool), count)
     listed = _by_blocks(listed, count)
-    middle = np.stack([_by_blocks(part, count) for part in middle])
-    widest = _by_blocks(half.max(axis=0), count)
-    margin = _mean_and_deviations(widest, listed, WIDE)[1]
-    margin *= 1 + ROUNDING
-    listed &= widest <= margin[:, None]
-    margin = np.maximum(margin, LEAST_MARGIN)
+    slopes = np.stack([_by_blocks(part, count) for part in slopes])
 
     start, scale = np.empty((2, count), np.float32), np.empty((2, count), np.float32)
     cell = np.zeros((count, SIDE * SIDE), np.int32)
     for axis, cells, stride in ((0, COLUMNS, 1), (1, ROWS, COLUMNS)):
-        mean, top = _mean_and_deviations(middle[axis], listed, SPAN)
-        smallest = np.where(listed, middle[axis], np.inf).min(axis=1)
-        largest = np.where(listed, middle[axis], -np.inf).max(axis=1)
+        mean, top = _mean_and_deviations(slopes[axis], listed, SPAN)
+        smallest = np.where(listed, slopes[axis], np.inf).min(axis=1)
+        largest = np.where(listed, slopes[axis], -np.inf).max(axis=1)
         start[axis] = np.where(listed.any(axis=1), np.maximum(2 * mean - top, smallest), 0)
         end = np.where(listed.any(axis=1), np.minimum(top, largest), 0)
         scale[axis] = cells / np.maximum(end - start[axis], LEAST_RANGE)
-        place = np.where(listed, (middle[axis] - start[axis, :, None]) * scale[axis, :, None], 0)
+        place = np.where(listed, (slopes[axis] - start[axis, :, None]) * scale[axis, :, None], 0)
         cell += stride * np.clip(place, 0, cells - 1).astype(np.int32)
     cell[~listed] = CELLS
     cell[~present] = CELLS + 1
 
-    return _records(cell, start, scale, margin, np.where(listed, _by_blocks(least_z, count), np.inf).min(axis=1))
+    return _records(cell, start, scale, np.where(listed, _by_blocks(z, count), np.inf).min(axis=1))
 
 
-def _records(
-    cell: np.ndarray, start: np.ndarray, scale: np.ndarray, margin: np.ndarray, least_z: np.ndarray
-) -> np.ndarray:
+def _records(cell: np.ndarray, start: np.ndarray, scale: np.ndarray, least_z: np.ndarray) -> np.ndarray:
     """Pack the records. cell: int (blocks, SIDE^2), CELLS for the tail, CELLS + 1 for nothing."""
     count = len(cell)
     keys = (np.arange(count)[:, None] * (CELLS + 2) + cell).reshape(-1)
@@ -151,27 +136,11 @@ def _records(
     order = np.argsort(cell.astype(np.uint16), axis=1, kind="stable")
     records = np.zeros((count, RECORD, 4), np.float32)
     records[:, 0] = np.stack([*start, *scale], axis=1)
-    records[:, 1] = np.stack([margin, np.minimum(least_z, 1), before[:, CELLS], np.full(count, MAGIC)], axis=1)
+    records[:, 1] = np.stack(
+        [np.ones(count), np.minimum(least_z, 1), before[:, CELLS], np.full(count, MAGIC)], axis=1)
     records[:, FIRST_PREFIX:FIRST_ELEMENT] = before[:, :CELLS].reshape(count, -1, 4)
     records[:, FIRST_ELEMENT:] = (order[:, ::2] + SIDE * SIDE * order[:, 1::2]).reshape(count, -1, 4)
     return records
-
-
-def _slopes(normals: np.ndarray, low: int, high: int, reach: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Middle and half of the slopes' range of each element of texel rows low..high - 1, (2, rows, width), and its least
-    n.z. reach: 1 for patches, which have the texels to the right and above as corners too; 0 for texels."""
-    strip = np.moveaxis(normals.take(range(low, high + reach), axis=0, mode="wrap"), -1, 0)
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        slopes = np.nan_to_num(strip[:2] / strip[2], nan=np.inf)
-    corners = [slopes[:, :-1], slopes[:, 1:]] if reach else [slopes]
-    heights = [strip[2, :-1], strip[2, 1:]] if reach else [strip[2]]
-    smallest, largest, least_z = np.minimum.reduce(corners), np.maximum.reduce(corners), np.minimum.reduce(heights)
-    if reach:
-        smallest = np.minimum(smallest, np.roll(smallest, -1, axis=-1))
-        largest = np.maximum(largest, np.roll(largest, -1, axis=-1))
-        least_z = np.minimum(least_z, np.roll(least_z, -1, axis=-1))
-    with np.errstate(invalid="ignore"):
-        return (smallest + largest) / 2, (largest - smallest) / 2, least_z
 
 
 def _by_blocks(values: np.ndarray, count: int) -> np.ndarray:

@@ -82,7 +82,7 @@ def _baked(
     path = note(*(yield Job(f'Baking "{name}"', start, ends[0], job)))
     index, counts = "", NO_COUNTS
     if plan.has_index:
-        job = partial(bake_index, normals, folder, interpolation=interpolation)
+        job = partial(bake_index, normals, folder)
         index = note(*(yield Job(f'Sorting "{name}"', ends[0], ends[1], job)))
     if plan.levels is not None:
         job = partial(bake_counts, normals, folder, interpolation=interpolation, levels=plan.levels)

@@ -113,7 +113,8 @@ def map_plans(
         known = stored or MapTables()
         levels = counts_levels_reached(footprints, *size, plan.interpolation)
         plan.levels = _with_stored(levels, known.counts, keep_levels)
-        plan.has_index = index_is_reached(footprints) or keep_levels and known.index != ""
+        is_indexed = index_is_reached(footprints) or keep_levels and known.index != ""
+        plan.has_index = is_indexed and plan.interpolation == "CLOSEST"
         plans.append(plan)
     return plans
 

@@ -28,7 +28,7 @@ def bake(kind, folder) -> tuple[Path, bool]:
     if kind == "table":
         return table.bake_table(normals, folder, interpolation="LINEAR")
     if kind == "index":
-        return slope_index.bake_index(normals, folder, interpolation="LINEAR")
+        return slope_index.bake_index(normals, folder)
     if kind == "counts":
         return counts.bake_counts(normals, folder, interpolation="CLOSEST", levels=(32, 64))[:2]
     pixels = np.concatenate([normals, np.ones((*normals.shape[:2], 1), np.float32)], axis=2)

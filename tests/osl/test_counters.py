@@ -249,14 +249,10 @@ def test_a_texel_is_fetched_once_and_a_patch_once_or_with_its_corners_where_a_li
     assert corners.mean() < 4 * seen.visited.mean() * 2 / 3
 
 
-@pytest.mark.parametrize(("interpolation", "answered", "share"), [("CLOSEST", 1.0, 0.2), ("LINEAR", 0.8, 0.75)])
-def test_with_an_index_few_elements_are_visited_and_less_is_fetched(interpolation, answered, share):
-    seen, plain = (counts_of(texels=10, interpolation=interpolation, is_indexed=wanted) for wanted in (True, False))
-    # Where most patches of a block are candidates, a visit of all is faster: osl/slope_index.h.
-    is_answered = seen.mode == MODE["INDEX"]
-    assert is_answered.mean() >= answered and (seen.mode[~is_answered] == MODE["ALL"]).all()
-    np.testing.assert_array_equal(seen.visited[~is_answered], plain.visited[~is_answered])
-    assert seen.visited.mean() < 0.4 * plain.visited.mean() and seen.fetches.mean() < share * plain.fetches.mean()
+def test_with_an_index_few_texels_are_visited_and_less_is_fetched():
+    seen, plain = (counts_of(texels=10, interpolation="CLOSEST", is_indexed=wanted) for wanted in (True, False))
+    assert (seen.mode == MODE["INDEX"]).all() and (plain.mode == MODE["ALL"]).all()
+    assert seen.visited.mean() < 0.4 * plain.visited.mean() and seen.fetches.mean() < 0.2 * plain.fetches.mean()
 
 
 @pytest.mark.parametrize(("interpolation", "texels"), [("CLOSEST", 20), ("LINEAR", 100)])

@@ -25,7 +25,7 @@ def table(tmp_path_factory):
     waves = np.stack([0.3 * np.sin(i / 3), 0.3 * np.cos(j / 3), np.ones(i.shape)], axis=2)
     normals = waves + 0.03 * random_normals(*SIZE)
     normals[::9, ::13] = random_normals(*SIZE)[::9, ::13]
-    pixels = bake.index_texels(normals.astype(np.float32), "LINEAR")
+    pixels = bake.index_texels(normals.astype(np.float32))
     texels = pixels.reshape(-1, 4)
     for block, (texel, channel) in enumerate(((1, 3), (1, 0), (1, 1), (0, 2))):
         texels[block * twin.RECORD + texel, channel] = 0

@@ -213,7 +213,8 @@ def prepared_by(scene, tmp_path):
     """The scene's preparation, not yet begun; its map needs an index and counts."""
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     cycles.add_sun(scene, (0, 0, 1), angle=0.01)
-    cycles.add_plane(scene, material=create_glint_material("Sparkle", write_flake_map(tmp_path / "flakes.png", 128)))
+    flakes = write_flake_map(tmp_path / "flakes.png", 128)
+    cycles.add_plane(scene, material=create_glint_material("Sparkle", flakes, interpolation="CLOSEST"))
     return preparation(scene)
 
 

@@ -36,7 +36,7 @@ def made_once(tmp_path_factory):
     flakes = write_flake_map(folder / "flakes.png")
     scene = fresh()
     save(folder / "scene.blend")
-    add_set(scene, create_glint_material("Glitter", flakes, roughness=0.2), shown_image(flakes))
+    add_set(scene, create_glint_material("Glitter", flakes, interpolation="CLOSEST", roughness=0.2), shown_image(flakes))
     bpy.ops.file.make_paths_relative()
     assert prepare_scene(scene)["hints"] == ["Sun"] and len(files_in(folder / FOLDER)) == FILES
     picture = cycles.rendered(scene)[..., :3]
@@ -416,7 +416,7 @@ def test_a_library_that_was_prepared_again_is_followed_when_the_file_opens(saved
     add_set(scene, materials["Glitter"], materials["Shown"])
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.open_mainfile(filepath=str(saved.blend))
-    write_flake_map(saved.folder / "flakes.png", 16)
+    write_flake_map(saved.folder / "flakes.png", 64)
     prepare_scene(bpy.context.scene)
     bpy.ops.wm.save_mainfile()
     new = set(named())

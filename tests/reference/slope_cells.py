@@ -82,7 +82,7 @@ def record_of(texels, record):
     """Fields of the records (n,) that begin at texels `record` of the list (texels, 4)."""
     cells, extent = texels[record].astype(float), texels[record + 1].astype(float)
     return SimpleNamespace(
-        low=cells[:, :2], scale=cells[:, 2:], margin=extent[:, 0], least_z=extent[:, 1], listed=extent[:, 2],
+        low=cells[:, :2], scale=cells[:, 2:], least_z=extent[:, 1], listed=extent[:, 2],
         is_intact=(extent[:, 3] == bake.MAGIC) & (extent[:, 0] > 0) & (extent[:, 1] > 0) & (cells[:, 2] > 0)
         & (extent[:, 2] == np.floor(extent[:, 2])),
     )
@@ -100,8 +100,8 @@ def block_cells(texels, strength, record, basis, c1, c2, radius):
             bounds = unscaled_bounds(strength, np.maximum(own.least_z, 1e-30), low, high)
             low, high = np.where(strength == 1.0, (low, high), bounds)
         rounding = NUMBERS["INDEX_ROUNDING"]
-        ends = ((low - own.margin - own.low[:, axis]) * own.scale[:, axis] - rounding,
-                (high + own.margin - own.low[:, axis]) * own.scale[:, axis] + rounding)
+        ends = ((low - own.low[:, axis]) * own.scale[:, axis] - rounding,
+                (high - own.low[:, axis]) * own.scale[:, axis] + rounding)
         for name, place in zip(("from", "to"), ends, strict=True):
             found[f"{name}{axis + 1}"] = np.clip(place, 0, count - 1).astype(int)
             size = 1e-4 * (1 + own.scale[:, axis] * (np.abs(low) + np.abs(high)))

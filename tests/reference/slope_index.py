@@ -1,8 +1,6 @@
-"""Numpy twin of osl/slope_index.h, of one sample: elements are visited one by one, whatever the index lists."""
+"""Numpy twin of osl/slope_index.h, of one sample: texels are visited one by one, whatever the index lists."""
 
 from __future__ import annotations
-
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -13,10 +11,7 @@ from .slope_cells import SIDE
 NUMBERS = constants("slope_index.h")
 SELECTION = constants("selection.h")
 REGION = constants("light_hint.h")["REGION"]
-PARTS = constants("map.h")
-CORNERS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
 CLOSE = 1e-5  # relative distance from a condition's limit at which rounding may decide
-STEP = 1e-30  # of a derivative along the imaginary axis, which loses no digits
 
 
 def strengthened(n, strength):
@@ -25,87 +20,35 @@ def strengthened(n, strength):
     return np.stack([n[..., 0] * strength, n[..., 1] * strength, 1 + (n[..., 2] - 1) * share], axis=-1)
 
 
-def turn_between(one, other):
-    """Angles, or a little more, between normals (m, 3)."""
-    return np.linalg.norm(other - one, axis=1) / np.minimum(*(np.linalg.norm(n, axis=1) for n in (one, other)))
-
-
-def slopes_at(corners, hint, a, b, offset):
-    """Slopes (m, 2) around a half vector, and the height above it, of patches with corners (m, 4, 3) at (a, b); offset:
-    (m, 2) of the patches' lower left corners. For texels the corners are alike."""
-    weights = np.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b], axis=-1)
-    forms = np.einsum("fk,mck,mc->mf", hint.forms, corners, weights)
-    place = offset + np.stack([a, b], axis=-1)
-    return forms[:, :2] / forms[:, 2:] + place @ hint.turns.T, forms[:, 2]
-
-
-def elements_of(normals, settings, middle, texels, weights):
-    """The texels, or parts of patches, at `texels` (m, 2) of the plane in which the map repeats.
-
-    normals: (height, width, 3); settings: is_linear, strength, alpha; middle: (2,), as the shader's query has it.
-    Returns corners (e, 4, 3), a and b (e,), offset (e, 2), weight (e,), parts (e, 2), and whether rounding decides the
-    number of parts of none.
-    """
-    height, width = normals.shape[:2]
-    reach = CORNERS if settings.is_linear else 0 * CORNERS
-    at = texels[:, None] + reach
-    corners = strengthened(normals[at[..., 1] % height, at[..., 0] % width].astype(float), settings.strength)
-    if not settings.is_linear:
-        zero = np.zeros(len(texels))
-        return SimpleNamespace(corners=corners, a=zero, b=zero, offset=texels + 0.5 - middle, weight=weights,
-                               parts=np.ones((len(texels), 2)), is_clear=True)
-    n00, n10, n01, n11 = corners.transpose(1, 0, 2)
-    spans = np.stack([np.maximum(turn_between(n00, n10), turn_between(n01, n11)),
-                      np.maximum(turn_between(n00, n01), turn_between(n10, n11))], axis=1)
-    exact = spans / (PARTS["PART_SPAN"] * max(settings.alpha, 1e-6))
-    parts = np.clip(np.ceil(exact), 1, PARTS["MOST_PARTS"]).astype(int)
-    is_clear = bool((np.abs(exact - np.round(exact)) > CLOSE * exact).all())
-    number = parts.prod(axis=1)
-    element = np.repeat(np.arange(len(texels)), number)
-    k = np.arange(len(element)) - np.repeat(np.cumsum(number) - number, number)
-    columns, rows = parts[element].T
-    return SimpleNamespace(
-        corners=corners[element], a=(k % columns + 0.5) / columns, b=(k // columns + 0.5) / rows,
-        offset=(texels - middle)[element], weight=(weights / number)[element], parts=parts[element], is_clear=is_clear,
-    )
-
-
-def covariance_of(elements, hint):
-    """c11 + c22 (e,) of the slopes within each part, which lie evenly over it."""
-    total = np.zeros(len(elements.a))
-    for axis in range(2):
-        steps = [elements.a + 0j, elements.b + 0j]
-        steps[axis] = steps[axis] + 1j * STEP
-        slope, _ = slopes_at(elements.corners, hint, *steps, elements.offset)
-        total += (slope.imag / STEP / elements.parts[:, axis : axis + 1]) ** 2 @ [1, 1] / 12
-    return total
+def slopes_at(normals, hint, offset):
+    """Slopes (m, 2) around a half vector of normals (m, 3) at offsets (m, 2), and the height above it."""
+    forms = normals @ hint.forms.T
+    return forms[:, :2] / forms[:, 2:] + offset @ hint.turns.T, forms[:, 2]
 
 
 def selected_sums(normals, settings, hints, middle, texels, weights, wanted):
-    """What selections of the texels' or patches' elements sum up to, by the hints in `wanted` that select them first:
-    the least and the largest number of elements and sum of importances, as rounding may have it; None where rounding
-    decides how a patch is cut.
+    """What selections of the texels (m, 2) of the plane in which the map repeats sum up to, by the hints in `wanted`
+    that select them first: the least and the largest number of texels and sum of importances, as rounding may have it.
 
-    hints: namespaces of forms, turns, radius.
+    normals: (height, width, 3); settings: strength, alpha; hints: namespaces of forms, turns, radius; middle: (2,), as
+    the shader's query has it.
     """
-    elements = elements_of(normals, settings, middle, texels, weights)
-    if not elements.is_clear:
-        return None
-    free = np.ones(len(elements.a), bool)
-    sure = np.zeros(len(elements.a), bool)
+    height, width = normals.shape[:2]
+    found = strengthened(normals[texels[:, 1] % height, texels[:, 0] % width].astype(float), settings.strength)
+    offset = texels + 0.5 - middle
+    free = np.ones(len(texels), bool)
+    sure = np.zeros(len(texels), bool)
     doubtful = sure.copy()
-    importance = np.zeros(len(elements.a))
+    importance = np.zeros(len(texels))
     for k, hint in enumerate(hints):
-        p, along = slopes_at(elements.corners, hint, elements.a, elements.b, elements.offset)
+        p, along = slopes_at(found, hint, offset)
         distance = np.linalg.norm(p, axis=1)
         is_near = (along > 0) & (np.abs(distance / hint.radius - 1) < CLOSE)
         inside = (along > 0) & (distance < hint.radius) & free
         if k in wanted:
-            spread = covariance_of(elements, hint) if settings.is_linear else 0.0
-            width = np.maximum(settings.alpha**2 + spread, SELECTION["LEAST_SHARE"] * settings.alpha**2)
-            q = distance**2 / (width + 0.5 * (hint.radius - REGION * settings.alpha) ** 2)
-            importance = np.where(inside | is_near, elements.weight * (SELECTION["LEAST_IMPORTANCE"] + np.exp(-q)),
-                                  importance)
+            width2 = settings.alpha**2 + 0.5 * (hint.radius - REGION * settings.alpha) ** 2
+            importance = np.where(
+                inside | is_near, weights * (SELECTION["LEAST_IMPORTANCE"] + np.exp(-distance**2 / width2)), importance)
             sure |= inside & ~is_near
         doubtful |= is_near & free
         free &= ~inside
@@ -149,25 +92,22 @@ def plane_sums(normals, settings, hints, middle, axes, texels, wanted):
     weights, is_near = kernel_of(axes, texels, middle)
     under = weights > 0
     sums = selected_sums(normals, settings, hints, middle, texels[under], weights[under], wanted)
-    if sums is None:
-        return None
-    # Elements on the rim weigh nothing, but count.
-    doubt = int(settings.parts_of_patch * is_near.sum())
-    return sums[0] - doubt, sums[1] + doubt, *sums[2:]
+    # Texels on the rim weigh nothing, but count.
+    return sums[0] - is_near.sum(), sums[1] + is_near.sum(), *sums[2:]
 
 
 def index_serves(texels, map_, hints, query):
     """Whether the index serves each sample (n,), and whether rounding does not decide it.
 
-    texels: the index's list; map_: size (2,), is_linear, strength (n,), visits (n,), is_indexed (n,); hints: namespaces
-    of arrays; query: middle (n, 2), axes, area, short_axis.
+    texels: the index's list; map_: size (2,), is_linear (n,), strength (n,), visits (n,), is_indexed (n,);
+    hints: namespaces of arrays; query: middle (n, 2), axes, area, short_axis.
     """
     count = len(query.area)
     boxes = 2 * np.linalg.norm(query.axes, axis=2) / SIDE + 1
     blocks = boxes.prod(axis=1)
     limits = ((query.area, NUMBERS["INDEX_AREA"], 1), (query.short_axis, NUMBERS["INDEX_SHORT_AXIS"], 1),
               (blocks, NUMBERS["INDEX_BLOCKS"], -1))
-    serves, is_clear = map_.is_indexed != 0, np.ones(count, bool)
+    serves, is_clear = (map_.is_indexed != 0) & (map_.is_linear == 0), np.ones(count, bool)
     for value, limit, sign in limits:
         serves = serves & (sign * value >= sign * limit)
         is_clear &= np.abs(value / limit - 1) > CLOSE
@@ -194,10 +134,9 @@ def index_serves(texels, map_, hints, query):
             candidates += np.where((row >= cells.from2) & (row <= cells.to2), end - start, 0)
         candidates += sides - cells.listed
     share = candidates / sides
-    found_cost = NUMBERS["INDEX_PATCH_COST"] if map_.is_linear else NUMBERS["INDEX_TEXEL_COST"]
+    found_cost = NUMBERS["INDEX_TEXEL_COST"]
     listed = SIDE**2 * share * NUMBERS["INDEX_LISTED_COST"]
     index_cost = blocks * (len(hints) * NUMBERS["INDEX_BLOCK_COST"] + listed) + query.area * share * found_cost
-    own_cost = NUMBERS["PATCH_COST"] if map_.is_linear else NUMBERS["TEXEL_COST"]
-    visit_cost = np.where(query.area > map_.visits, map_.visits * found_cost, query.area * own_cost)
+    visit_cost = np.where(query.area > map_.visits, map_.visits * found_cost, query.area * NUMBERS["TEXEL_COST"])
     is_clear &= (np.abs(index_cost / visit_cost - 1) > 1e-4) & (np.abs(query.area / map_.visits - 1) > CLOSE)
     return serves & (index_cost < visit_cost), is_clear
