@@ -36,6 +36,13 @@ NAMES = (
     "interreflection",
     "hundred_lights",
     "together",
+    "sharp_plane",
+    "sharp_ball",
+    "sharp_lights",
+    "paint_frame",
+    "flakes_frame",
+    "bumps_frame",
+    "bumps_near_frame",
 )
 
 

@@ -11,6 +11,8 @@ THREADS = 2
 SEED = 1
 SUN_ANGLE = math.radians(0.5)  # angular diameter of the real sun
 WHITE = (0.73, 0.73, 0.73)
+# Radians that 48 pixels see of a frame of 1920 x 1080 pixels through Blender's default lens: 0.0004 a pixel.
+FRAME_CROP = 48 * 0.0004
 ROOM_CAMERA = (0.0, -3.6, 1.0)
 
 
