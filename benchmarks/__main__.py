@@ -124,7 +124,8 @@ def _truth(options):
     from . import truth
     for name in options.names:
         found = truth.renew(name)
-        _say(f"Truth of {name}: {found.seeds} x {found.spp} spp, its own noise {found.noise:.3f}")
+        made = f"{found.seeds} x {found.spp} spp, its own noise {found.noise:.3f}" if found.seeds else "exact"
+        _say(f"Truth of {name}: {made}")
     return 0
 
 

@@ -12,7 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from glint_addon.nodes.map_choices import DISTRIBUTION
+
 from . import exact_scene
+from .exact_cells import boxes, cells_of, patch_of
 from .exact_lobe import (
     FILTER_REACH,
     SLOPES_APART,
@@ -26,32 +29,26 @@ from .exact_lobe import (
     valid_normals,
 )
 
-CELLS_A_PIXEL = 8  # along each axis, at least: larger texels are divided, because view and filter vary in them
-MOST_PARTS = 64  # along each axis of a texel: of 8 pixels
-CELLS = 1 << 14  # that are computed at once: their arrays stay in the processor's cache
 FAR_TERMS = 10.0  # alphas from the half vector beyond which GGX hardly varies over a small light
 
 
 @dataclass(frozen=True)
 class Facets:
-    """The surface: decoded normals of the map (height, width, 3), not unit; "BECKMANN" or "GGX"; alpha; luminance."""
+    """The surface: decoded normals of the map (height, width, 3), not unit; "BECKMANN" or "GGX"; alpha."""
 
     normals: np.ndarray
     distribution: str
     alpha: float
-    tint: float = 1.0
 
 
-@dataclass(frozen=True)
-class Patch:
-    """A triangle in texel coordinates (s, t): each matrix takes (s, t, 1) to what it is named after."""
+def closest_facets(normal_map, *, roughness, interpolation, distribution=DISTRIBUTION.default) -> Facets:
+    """Those of an encoded normal map (height, width, 3) in `create_glint_material`'s settings of these names.
 
-    triangle: exact_scene.Triangle
-    corners: np.ndarray  # (3, 2), texels
-    raster: np.ndarray  # (3, 3), homogeneous pixels
-    places: np.ndarray  # (3, 3)
-    normals: np.ndarray
-    tangents: np.ndarray
+    Raises ValueError unless the map is read by the Closest texel: between texels there is no finite sum.
+    """
+    if interpolation != "CLOSEST":
+        raise ValueError("An exact truth needs a map that is read by the Closest texel: render this one.")
+    return Facets(np.asarray(normal_map, np.float64) * 2.0 - 1.0, distribution, roughness**2)
 
 
 def exact_picture(scene, facets) -> np.ndarray:
@@ -67,109 +64,12 @@ def exact_picture(scene, facets) -> np.ndarray:
     for triangle in exact_scene.triangles(scene):
         if dot(triangle.face_normal, camera.views(triangle.places)[0]) <= 0.0:
             continue
-        patch = _patch(triangle, facets, camera)
+        patch = patch_of(triangle, camera, facets.normals.shape[1::-1])
         for box, parts in boxes(patch, size):
-            cells, shares = _cells(patch, box, parts, size)
+            cells, shares = cells_of(patch, box, parts, size)
             if len(cells):
                 _add(picture, _light(patch, cells, facets, camera, lights) * shares, cells, patch, density)
     return picture[FILTER_REACH:-FILTER_REACH, FILTER_REACH:-FILTER_REACH]
-
-
-def boxes(patch, size):
-    """Yield ((s0, t0, s1, t1), (parts along s, along t)): texels that the picture sees, in boxes of about CELLS cells."""
-    low, high = np.floor(patch.corners.min(axis=0)), np.ceil(patch.corners.max(axis=0))
-    waiting = [(*low.astype(int), *high.astype(int))]
-    while waiting:
-        s0, t0, s1, t1 = box = waiting.pop()
-        corners = np.array([(s0, t0, 1), (s1, t0, 1), (s1, t1, 1), (s0, t1, 1)], np.float64)
-        seen = corners @ patch.raster.T
-        before = seen[:, 2] > 0.0
-        if not before.any() or (_edges(patch.corners, corners[:, :2]) < 0.0).all(axis=1).any():
-            continue
-        parts = (1, 1)
-        if before.all():
-            raster = seen[:, :2] / seen[:, 2:]
-            reach = FILTER_REACH + 1
-            if (raster.max(axis=0) < -reach).any() or (raster.min(axis=0) > np.add(size, reach)).any():
-                continue
-            parts = _parts(patch, seen, raster)
-        count = (s1 - s0) * (t1 - t0) * parts[0] * parts[1]
-        if count > CELLS and (s1 - s0 > 1 or t1 - t0 > 1) or not before.all():
-            waiting += _halves(box)
-        else:
-            yield box, parts
-
-
-def _patch(triangle, facets, camera):
-    height, width = facets.normals.shape[:2]
-    corners = triangle.uv * (width, height)
-    inverse = np.linalg.inv(np.column_stack([corners, np.ones(3)]).T)
-    places = triangle.places.T @ inverse
-    raster = camera.raster @ np.concatenate([places, np.ones(3)[None] @ inverse])
-    return Patch(triangle, corners, raster, places, triangle.normals.T @ inverse, triangle.tangents.T @ inverse)
-
-
-def _parts(patch, seen, raster):
-    """Into how many parts a texel of the box is divided along s and t; seen: its corners, homogeneous."""
-    along = [
-        np.linalg.norm((patch.raster[:2, axis] - raster * patch.raster[2, axis]) / seen[:, 2:], axis=1).max()
-        for axis in (0, 1)
-    ]
-    return tuple(int(np.clip(np.ceil(CELLS_A_PIXEL * length), 1, MOST_PARTS)) for length in along)
-
-
-def _halves(box):
-    s0, t0, s1, t1 = box
-    if s1 - s0 >= t1 - t0:
-        middle = (s0 + s1) // 2
-        return [(s0, t0, middle, t1), (middle, t0, s1, t1)] if s1 - s0 > 1 else []
-    middle = (t0 + t1) // 2
-    return [(s0, t0, s1, middle), (s0, middle, s1, t1)]
-
-
-def _edges(corners, points):
-    """How far `points` (n, 2) lie inside each edge, (3, n), times the edge's length.
-
-    An edge is computed from its smaller corner, so that the triangle on its other side finds exactly the negative: a
-    point on the edge belongs to one of them (see `_inside`).
-    """
-    turn = np.sign(np.linalg.det(np.column_stack([corners, np.ones(3)])))
-    found = []
-    for first, second in ((0, 1), (1, 2), (2, 0)):
-        a, b = corners[first], corners[second]
-        ahead = 1.0 if tuple(a) < tuple(b) else -1.0
-        if ahead < 0.0:
-            a, b = b, a
-        found.append(turn * ahead * ((b - a)[0] * (points[:, 1] - a[1]) - (b - a)[1] * (points[:, 0] - a[0])))
-    return np.array(found)
-
-
-def _inside(corners, points):
-    turn = np.sign(np.linalg.det(np.column_stack([corners, np.ones(3)])))
-    ahead = [tuple(corners[first]) < tuple(corners[second]) for first, second in ((0, 1), (1, 2), (2, 0))]
-    owned = np.array([(turn > 0.0) == each for each in ahead])[:, None]
-    distance = _edges(corners, points)
-    return ((distance > 0.0) | (owned & (distance == 0.0))).all(axis=0)
-
-
-def _cells(patch, box, parts, size):
-    """Points (n, 3) as (s, t, 1) of the box's texels that are inside the triangle and seen, and their shares (n,) of
-    a texel: those of Gauss-Legendre, `parts` along each axis."""
-    (s, share_s), (t, share_t) = (_points(box[axis], box[axis + 2], parts[axis]) for axis in (0, 1))
-    cells = np.stack([*np.meshgrid(s, t), np.ones((len(t), len(s)))], axis=-1).reshape(-1, 3)
-    shares = np.outer(share_t, share_s).ravel()
-    seen = cells @ patch.raster.T
-    raster = seen[:, :2] / seen[:, 2:]
-    kept = ((raster > -FILTER_REACH) & (raster < np.add(size, FILTER_REACH))).all(axis=1)
-    kept[kept] = _inside(patch.corners, cells[kept, :2])
-    return cells[kept], shares[kept]
-
-
-def _points(first, last, parts):
-    """Points in the texels from `first` to before `last` along one axis, and their shares of a texel."""
-    nodes, weights = np.polynomial.legendre.leggauss(parts)
-    points = np.arange(first, last)[:, None] + (nodes + 1.0) / 2.0
-    return points.ravel(), np.tile(weights / 2.0, last - first)
 
 
 def _light(patch, cells, facets, camera, lights):
@@ -196,7 +96,7 @@ def _light(patch, cells, facets, camera, lights):
             index = np.flatnonzero(group)
             if len(index):
                 found[index] += _disc(light, places[index], normals[index], view[index], facets, triangle, count)
-    return found * facets.tint
+    return found
 
 
 def _disc(light, places, normals, view, facets, triangle, rings):

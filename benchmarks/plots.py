@@ -47,7 +47,8 @@ def draw_all(results, lines):
 
 
 def scene_figure(name, result, line):
-    """Relative RMSE against seconds, both logarithmic, one curve a method; the truth's own noise as a line.
+    """Relative RMSE against seconds, both logarithmic, one curve a method; the truth's own noise as a line,
+    if it has any.
 
     Errors below that noise say nothing and are drawn on its line. A hollow circle shows where Blender's nodes reach the
     lobe's error at SHOWN_SPP samples; dotted: extrapolated.
@@ -60,7 +61,8 @@ def scene_figure(name, result, line):
         seconds, errors = [row["seconds"] for row in rows], [max(row["rmse"], floor) for row in rows]
         axes.plot(seconds, errors, color=color, marker=marker, markersize=7 if marker == "*" else 4, linewidth=1.2,
                   label=method.label)
-    axes.axhline(floor, color="0.6", linewidth=0.8, linestyle="--", label="truth's own noise")
+    if floor > 0.0:
+        axes.axhline(floor, color="0.6", linewidth=0.8, linestyle="--", label="truth's own noise")
     _draw_equal_error(axes, result, line.shown)
     axes.set_xscale("log")
     axes.set_yscale("log")

@@ -173,9 +173,10 @@ def _picture(path):
 def _about(result):
     truth = result["truth"]
     flip = f", HDR-FLIP of this noise {truth['flip']:.3f}" if "flip" in truth else ""
-    return (f"About {result['texels']:g} texels in a pixel. Truth: {truth['seeds']} x {truth['spp']} spp, own noise "
-            f"{truth['noise']:.2%}, of its mean {truth['bias_noise']:.2%}{flip}. Scene {result['scene_hash']}, "
-            f"{machine_line(result['machine'])}")
+    rendered = (f"{truth['seeds']} x {truth['spp']} spp, own noise {truth['noise']:.2%}, of its mean "
+                f"{truth['bias_noise']:.2%}{flip}")
+    return (f"About {result['texels']:g} texels in a pixel. Truth: {rendered if truth['seeds'] else 'exact'}. "
+            f"Scene {result['scene_hash']}, {machine_line(result['machine'])}")
 
 
 def _ratio(*found):

@@ -2,7 +2,8 @@
 
 A scene module has a docstring that says what it shows, SMALL_LIGHTS (lit by small lights only: it counts for the
 headline), TEXELS (about so many texels of the map in a pixel), SURFACE (arguments of `create_glint_material`),
-`normal_map()` and `build(scene, material)`; where errors are large, TRUTH_NOISE, that its truth may have.
+`normal_map()` and `build(scene, material)`; where errors are large, TRUTH_NOISE, that its truth may have; where the
+truth is summed texel by texel instead of rendered, TRUTH = "exact".
 """
 
 from __future__ import annotations

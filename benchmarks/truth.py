@@ -1,7 +1,8 @@
 """Stored truths: what Blender's own nodes converge to, as the mean and its variance over independent seeds.
 
 `make truth SCENE=name` renews one: it renders parts until the truth's own noise is small enough (minutes), storing
-what it has after each, and goes on where an interrupted run stopped.
+what it has after each, and goes on where an interrupted run stopped. Scenes that say TRUTH = "exact" are summed texel
+by texel instead (`exact.py`): their variance is 0, and no samples and no seeds made them.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from demo_scenes import measure
 
 from . import suite
+from .exact import closest_facets, exact_picture
 
 FOLDER = Path(__file__).resolve().parent / "truths"
 PART_SPP = 2048  # of one seed: seconds, so that little is lost when a run is stopped
@@ -29,8 +31,8 @@ FIRST_SEED = 1001  # not a seed of any measured picture, or it would share the t
 class Truth:
     """Linear luminance of a scene, row 0 at the bottom.
 
-    mean, variance (of the mean): float64 (height, width); spp: of one seed; seeds: how many; blender: its version;
-    scene_hash: of the scene that was rendered.
+    mean, variance (of the mean): float64 (height, width); spp: of one seed; seeds: how many; both 0: summed, not
+    rendered; blender: its version; scene_hash: of the scene that was rendered.
     """
 
     mean: np.ndarray
@@ -46,6 +48,11 @@ class Truth:
         return math.sqrt(float(self.variance.mean())) / float(self.mean.mean())
 
 
+def is_exact(name) -> bool:
+    """Whether the truth of scene `name` is a sum, not a render: its module says TRUTH = "exact"."""
+    return getattr(suite.scene_module(name), "TRUTH", "rendered") == "exact"
+
+
 def stored(name) -> Truth:
     """The truth of scene `name`. Raises FileNotFoundError if there is none: `make truth SCENE=name` makes it."""
     return read_truth(_file(name))
@@ -58,7 +65,9 @@ def allowed_noise(name) -> float:
 
 def renew(name, *, noise=None, part_spp=PART_SPP, most_parts=1000) -> Truth:
     """Render parts of scene `name` until its relative noise is at most `noise`, by default what it may have, and store
-    the truth; see `converge`."""
+    the truth; see `converge`. An exact one is summed, whatever the arguments."""
+    if is_exact(name):
+        return _summed(name)
     noise = allowed_noise(name) if noise is None else noise
     scene_hash = suite.scene_hash(name)
     scene = suite.nodes_scene(name, part_spp)
@@ -87,6 +96,17 @@ def converge(file: Path, scene, scene_hash, *, noise=NOISE, part_spp=PART_SPP, m
         truth = _with_part(truth, part, part_spp, scene_hash)
         _store(file, truth)
         sys.stderr.write(f"{file.stem}: {truth.seeds} x {truth.spp} spp, own noise {truth.noise:.4f}\n")
+    return truth
+
+
+def _summed(name):
+    """The exact truth of scene `name`, stored."""
+    scene_hash = suite.scene_hash(name)
+    scene = suite.scene_with(name, lambda image, **surface: bpy.data.materials.new("Facets"))
+    module = suite.scene_module(name)
+    mean = exact_picture(scene, closest_facets(module.normal_map(), **module.SURFACE))
+    truth = Truth(mean, np.zeros_like(mean), 0, 0, bpy.app.version_string, scene_hash)
+    _store(_file(name), truth)
     return truth
 
 
