@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .exact_lobe import FILTER_REACH
+from .exact_lobe import FILTER_REACH, gauss_legendre
 from .exact_scene import Triangle
 
 CELLS_A_PIXEL = 16  # points along each axis, at least: in larger texels view and filter vary
@@ -97,7 +97,7 @@ def _halves(box):
 
 def _points(first, last, parts):
     """Points in the texels from `first` to before `last` along one axis, and their shares of a texel."""
-    nodes, weights = np.polynomial.legendre.leggauss(parts)
+    nodes, weights = gauss_legendre(parts)
     points = np.arange(first, last)[:, None] + (nodes + 1.0) / 2.0
     return points.ravel(), np.tile(weights / 2.0, last - first)
 

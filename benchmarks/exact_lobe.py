@@ -5,6 +5,8 @@ Facts are read in Cycles' sources, named at each function; directions are unit v
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 TABLE = 1024  # FILTER_TABLE_SIZE of kernel/types.h
@@ -46,12 +48,18 @@ def filter_density(width=1.5) -> np.ndarray:
 def disc_points(rings) -> np.ndarray:
     """Points (n, 2) and weights, in all (n, 3), whose weighted mean is that over the unit disc; exact to degree
     4 rings - 1: Gauss-Legendre in the radius squared, equal angles (Abramowitz and Stegun 1964, 25.4.61)."""
-    nodes, weights = np.polynomial.legendre.leggauss(rings)
+    nodes, weights = gauss_legendre(rings)
     radius = np.sqrt((nodes + 1.0) / 2.0)
     angles = (np.arange(4 * rings) + 0.5) * np.pi / (2 * rings)
     places = radius[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     share = np.broadcast_to(weights[:, None, None] / (8 * rings), (rings, 4 * rings, 1))
     return np.concatenate([places, share], axis=-1).reshape(-1, 3)
+
+
+@functools.cache
+def gauss_legendre(count) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights on -1..1."""
+    return np.polynomial.legendre.leggauss(count)
 
 
 def rings_of(radius_in_alphas) -> int:

@@ -67,11 +67,24 @@ def renew(name, *, noise=None, part_spp=PART_SPP, most_parts=1000) -> Truth:
     """Render parts of scene `name` until its relative noise is at most `noise`, by default what it may have, and store
     the truth; see `converge`. An exact one is summed, whatever the arguments."""
     if is_exact(name):
-        return _summed(name)
+        mean = summed(name)
+        truth = Truth(mean, np.zeros_like(mean), 0, 0, bpy.app.version_string, suite.scene_hash(name))
+        _store(_file(name), truth)
+        return truth
     noise = allowed_noise(name) if noise is None else noise
     scene_hash = suite.scene_hash(name)
     scene = suite.nodes_scene(name, part_spp)
     return converge(_file(name), scene, scene_hash, noise=noise, part_spp=part_spp, most_parts=most_parts)
+
+
+def summed(name) -> np.ndarray:
+    """Linear luminance (height, width) of scene `name` by the sum over its texels; drops all open data.
+
+    Raises ValueError for a scene that has no such sum.
+    """
+    scene = suite.scene_with(name, lambda image, **surface: bpy.data.materials.new("Facets"))
+    module = suite.scene_module(name)
+    return exact_picture(scene, closest_facets(module.normal_map(), **module.SURFACE))
 
 
 def read_truth(file: Path) -> Truth:
@@ -96,17 +109,6 @@ def converge(file: Path, scene, scene_hash, *, noise=NOISE, part_spp=PART_SPP, m
         truth = _with_part(truth, part, part_spp, scene_hash)
         _store(file, truth)
         sys.stderr.write(f"{file.stem}: {truth.seeds} x {truth.spp} spp, own noise {truth.noise:.4f}\n")
-    return truth
-
-
-def _summed(name):
-    """The exact truth of scene `name`, stored."""
-    scene_hash = suite.scene_hash(name)
-    scene = suite.scene_with(name, lambda image, **surface: bpy.data.materials.new("Facets"))
-    module = suite.scene_module(name)
-    mean = exact_picture(scene, closest_facets(module.normal_map(), **module.SURFACE))
-    truth = Truth(mean, np.zeros_like(mean), 0, 0, bpy.app.version_string, scene_hash)
-    _store(_file(name), truth)
     return truth
 
 

@@ -291,6 +291,15 @@ def test_tables_show_flip_where_it_was_measured():
     assert page.count("HDR-FLIP of this noise 0.013") == 1
 
 
+def test_an_exact_truth_is_called_so_and_draws_no_line_of_noise():
+    found = result(noise=0.0)
+    found["truth"] |= {"spp": 0, "seeds": 0}
+    lines = headline.headlines({"scenes": {"one": found}})
+    assert "Truth: exact. Scene abc" in report.page({"scenes": {"one": found}}, lines)
+    drawn = plots.scene_figure("one", found, lines[0])
+    assert "truth's own noise" not in {line.get_label() for line in drawn.axes[0].lines}
+
+
 def test_stress_cases_are_listed_whole():
     table = report.stress_table([{"group": "maps", "case": "a|b", "outcome": "agrees", "nodes": 0.25, "lobe": None,
                                   "deviations": 1.23456, "note": "two\nlines"}])

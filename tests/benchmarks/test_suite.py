@@ -20,7 +20,7 @@ MARK = 1234.0  # no light of the suite shines so: tells the surface from floor a
 def test_every_truth_is_quiet_and_of_the_scene_as_it_is(name):
     stored = truth.stored(name)
     assert stored.noise <= truth.allowed_noise(name)
-    assert stored.seeds >= truth.FEWEST_PARTS
+    assert stored.seeds >= truth.FEWEST_PARTS or truth.is_exact(name)
     assert stored.scene_hash == suite.scene_hash(name), f"Renew the truth: make truth SCENE={name}."
 
 
@@ -67,7 +67,7 @@ def test_each_effect_is_alone_somewhere_and_with_others_somewhere():
     """The suite's plan: maps, distances, lights, sharpness."""
     modules = [suite.scene_module(name) for name in suite.NAMES]
     alphas = {round(module.SURFACE["roughness"] ** 2, 4) for module in modules}
-    assert alphas == {0.003, 0.01, 0.03}
+    assert alphas == {0.0025, 0.003, 0.005, 0.01, 0.03}
     assert min(module.TEXELS for module in modules) < 1 and max(module.TEXELS for module in modules) >= 1e5
     assert {module.SURFACE["interpolation"] for module in modules} == {"CLOSEST", "LINEAR"}
     assert {module.SMALL_LIGHTS for module in modules} == {True, False}
