@@ -12,7 +12,9 @@ import numpy as np
 from .exact_lobe import FILTER_REACH, gauss_legendre
 from .exact_scene import Triangle
 
-CELLS_A_PIXEL = 16  # points along each axis, at least: in larger texels view and filter vary
+# Points along each axis, at least: in larger texels view and filter vary. With 8, 16, 32 the error of flakes_close,
+# whose texels are the largest, is 0.2, 0.1, 0.04 %.
+CELLS_A_PIXEL = 16
 MOST_PARTS = 128  # points along each axis of a texel: of 8 pixels
 CELLS = 1 << 14  # that are computed at once: their arrays stay in the processor's cache
 

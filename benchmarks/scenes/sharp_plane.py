@@ -1,5 +1,5 @@
 """Paint of production sharpness: flakes with slopes of 0.3 and lobes of a seventh of a degree, 10^4 of them in a pixel,
-of which about one shines; sun, plane."""
+of which one or two shine; sun, plane."""
 
 from __future__ import annotations
 
