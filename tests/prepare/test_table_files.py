@@ -36,7 +36,8 @@ def made_once(tmp_path_factory):
     flakes = write_flake_map(folder / "flakes.png")
     scene = fresh()
     save(folder / "scene.blend")
-    add_set(scene, create_glint_material("Glitter", flakes, interpolation="CLOSEST", roughness=0.2), shown_image(flakes))
+    glitter = create_glint_material("Glitter", flakes, interpolation="CLOSEST", roughness=0.2)
+    add_set(scene, glitter, shown_image(flakes))
     bpy.ops.file.make_paths_relative()
     assert prepare_scene(scene)["hints"] == ["Sun"] and len(files_in(folder / FOLDER)) == FILES
     picture = cycles.rendered(scene)[..., :3]
