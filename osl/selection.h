@@ -9,9 +9,8 @@
 
 #include "query.h"
 
-/* Cycles keeps 64 closures of a shading point and drops all others without a word. */
-#define LARGEST_CLOSURES 64
-/* Most reservoirs, which leaves room for the remainder, and for other shaders that a Mix Shader adds: decision 63. */
+/* Most reservoirs of a lobe: more gain nothing, and leave less room for the shaders that a Mix Shader adds: decision
+ * 63. */
 #define CLOSURE_BUDGET 24
 /* Importance, relative to that of an element in the middle of a region, below which none falls: it bounds the weight of
  * elements that other lights than the hinted ones show. */
@@ -20,6 +19,7 @@
 #define GOLDEN_RATIO 0.6180339887
 /* Least squared width of a closure, in alpha^2: cells of counts.h may have a negative covariance. */
 #define LEAST_SHARE 0.5
+
 struct Selection {
   int count;     /* elements so far */
   int limit;     /* reservoirs */
@@ -35,13 +35,13 @@ struct Selection {
   int hint[CLOSURE_BUDGET];
 };
 
-/* An empty selection for one of `lobes` lobes of a shading point that may return `closures` closures besides the
- * remainder. */
+/* An empty selection for one of `lobes` lobes of a material that may return `closures` closures together, two each at
+ * least: one is the remainder. */
 Selection new_selection(int closures, int lobes, Facet facet)
 {
   Selection s;
   s.count = 0;
-  s.limit = max(min(min(closures, CLOSURE_BUDGET), LARGEST_CLOSURES / lobes - 1), 1);
+  s.limit = clamp(closures / lobes - 1, 1, CLOSURE_BUDGET);
   s.is_merged = 0;
   s.facet = facet;
   s.random = 0.0;

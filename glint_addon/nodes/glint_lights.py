@@ -17,7 +17,7 @@ from .driven import Driven, Variable, write_number
 from .scene_lights import AXIS, HINT_COUNT, LIGHT, SHAPE, context_number
 
 NAME = "Glint Lights"
-VERSION = 4
+VERSION = 5
 
 # Values of a shape's X.
 KIND_NONE = 0
@@ -47,10 +47,10 @@ SAMPLE_COUNT = Driven(
     ),
 )
 
-# Closures that a lobe may return (osl/selection.h). On the CPU Cycles keeps 64 of a shading point; on a GPU its pool
-# holds about ten and drops the rest in silence: there the lobe stays out, and glints are rendered by nodes.
+# Closures that the Glint BSDFs of a material may return together (osl/selection.h). On the CPU Cycles keeps 64 of a
+# shading point; on a GPU its pool holds about ten: there the lobe stays out, and glints are rendered by nodes.
 CLOSURE_COUNT = Driven(
-    "24 if device < 1 else 0", (Variable("device", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.device"),)
+    "64 if device < 1 else 0", (Variable("device", "CONTEXT_PROP", "ACTIVE_SCENE", "cycles.device"),)
 )
 
 
@@ -160,7 +160,7 @@ def _add_nodes(group):
                 write_number(socket, context_number(set_of(group), slot, part + axis))
             sources[name] = node.outputs["Vector"], help
     for name, number, help in ((SAMPLES, SAMPLE_COUNT, "Samples a pixel of the render under way"),
-                               (CLOSURES, CLOSURE_COUNT, "Closures a glint may use: 24 on CPU, 0 on GPU")):
+                               (CLOSURES, CLOSURE_COUNT, "Closures that a material's glints may use: 64 on CPU, 0 on GPU")):
         sources[name] = builder.add_node(group, "ShaderNodeValue", name).outputs["Value"], help
         write_number(sources[name][0], number)
 

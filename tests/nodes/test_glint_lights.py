@@ -150,7 +150,7 @@ def test_cycles_sees_direction_and_half_angle_of_a_sun():
         assert shown(scene) == pytest.approx(expected, rel=RENDER_TOLERANCE)
 
 
-@pytest.mark.parametrize(("device", "closures"), [("CPU", 24.0), ("GPU", 0.0)])
+@pytest.mark.parametrize(("device", "closures"), [("CPU", 64.0), ("GPU", 0.0)])
 def test_closures_follow_the_device_because_a_gpu_drops_all_but_ten_in_silence(device, closures):
     scene = cycles.empty_scene()
     add_shown_output(scene, "Closures")

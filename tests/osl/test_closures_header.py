@@ -129,7 +129,7 @@ SELECTION = """
   HalfVector hints[2] = { hint0, hint1 };
   query.hints[0] = hint0; query.hints[1] = hint1; query.facet = facet; query.u = 3.5; query.v = 7.25;
   query.hint_count = 2;
-  Selection s = new_selection(24, 1, facet);
+  Selection s = new_selection(25, 1, facet);
   s.count = count; s.is_merged = merged;
   SlopeLobe lobes[3];
   lobes[0] = lobe0; lobes[1] = lobe1; lobes[2] = lobe2;

@@ -21,10 +21,12 @@ from glint_addon.nodes import glint_lights
 from glint_addon.nodes.map_tables import SCRIPT_NODE
 from glint_addon.prepare.scene import prepare_scene
 from tests.helpers import cycles
+from tests.helpers.seeds import rendered_seeds
 
 LARGEST_GROUPS = 16  # of blocks, read for one light where no slope stands out: FAR_GROUPS of osl/counts.h
 CORNERS = 8  # along a side of the cells of a light, at most: osl/counts.h has room for 7 x 7 cells
 LARGEST_CLOSURES = 25  # the budget of osl/selection.h and the remainder; Cycles keeps 64
+MEAN_PICTURES, LARGEST_NOISE = 16, 0.01  # of a mean over pictures, relative
 CYCLES_CLOSURES = 64  # of a shading point; further ones are dropped in silence
 MODE = {name: number for number, name in MODES.items()}
 REASON = {name: number for number, name in REASONS.items()}
@@ -274,6 +276,25 @@ def test_two_lobes_in_one_material_share_the_closures_that_cycles_keeps(interpol
     assert 8 < shared <= alone <= LARGEST_CLOSURES <= CYCLES_CLOSURES / 2
 
 
+@pytest.mark.parametrize(("interpolation", "texels"), [("LINEAR", 10), ("CLOSEST", 100)])
+def test_a_lobe_of_eight_closures_has_the_light_of_one_of_as_many_as_it_takes(interpolation, texels):
+    """Where elements answer, and where counts do. Eight are what a GPU has room for."""
+    scene, _, material = build(texels=texels, interpolation=interpolation)
+    (group,) = glint_groups(material)
+    closures = group.nodes[SCRIPT_NODE].inputs["Closures"]
+    group.links.remove(closures.links[0])
+    means, noises = [], []
+    for number in (8, CYCLES_CLOSURES):
+        closures.default_value = number
+        most = counters(scene, material).closures.max()
+        assert most == 8 if number == 8 else most > 16
+        seen = rendered_seeds(scene, 4, MEAN_PICTURES)[..., 0].mean(axis=(1, 2))
+        means.append(seen.mean())
+        noises.append(seen.std(ddof=1) / MEAN_PICTURES**0.5)
+    assert means[0] == pytest.approx(means[1], abs=4 * math.hypot(*noises))
+    assert math.hypot(*noises) < LARGEST_NOISE * means[1]
+
+
 def test_more_samples_mean_smaller_footprints():
     scene, _, material = build(texels=10, is_indexed=False)
     seen = [counters(scene, material, samples).visited.mean() for samples in (1, 2, 64)]
@@ -350,7 +371,7 @@ def test_the_shader_and_the_lights_group_agree_on_their_constants():
     kinds = {"NONE": glint_lights.KIND_NONE, "SUN": glint_lights.KIND_SUN, "LOCAL": glint_lights.KIND_LOCAL}
     assert {name: float(constants[f"HINT_{name}"]) for name in kinds} == kinds
     assert int(constants["HINT_COUNT"]) == glint_lights.HINT_COUNT
-    assert glint_lights.CLOSURE_COUNT.expression.startswith(f"{constants['CLOSURE_BUDGET']} if ")
+    assert glint_lights.CLOSURE_COUNT.expression.startswith(f"{CYCLES_CLOSURES} if ")
     assert int(constants["CLOSURE_BUDGET"]) + 1 == LARGEST_CLOSURES
     assert int(constants["LARGEST_VISIT"]) == LARGEST_VISIT
     assert int(constants["FAR_GROUPS"]) == LARGEST_GROUPS

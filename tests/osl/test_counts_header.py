@@ -374,7 +374,7 @@ QUERY = """
   Level level = counts_level(counts, block, {width}, {height}, 1);
   query.facet = facet;
   query.footprint = footprint;
-  Selection s = new_selection(24, 1, facet);
+  Selection s = new_selection(25, 1, facet);
   s.random = 0.3;
   counts_query(map, level, query, cells, s);
   float sum = 0;

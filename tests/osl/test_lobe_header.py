@@ -48,7 +48,7 @@ class Stage:
         self.body = FACET + """
           Hit hit = map_hit(map, point(across, up, 0));
           map.costs = no_costs();
-          Selection s = new_selection(24, 1, facet);
+          Selection s = new_selection(25, 1, facet);
           closure color plain = facet_closure(facet, normal(normalize(frame_to_world(frame, hit.n))));
         """
         seen = self.seen = surface()

@@ -51,7 +51,7 @@ LIMITS = (1, 7, 24, 60)  # closures of a sample that are asked for
 KEPT = 4  # numbers shown of each reservoir; one of them is made of all of the element's
 MIXED = (1.0, 2.0, 3.0, 50.0, 70.0, 110.0)  # so that each number of an element weighs about as much
 SELECTION_BODY = """
-  Selection s = new_selection(limit, 1, facet);
+  Selection s = new_selection(limit + 1, 1, facet);
   s.random = chance;
   for (int k = 0; k < 7 * repeats; ++k) {
     int e = 6 * (k % 7);
@@ -114,7 +114,7 @@ def test_the_importance_of_an_element_and_elements_of_none():
     lobes[:, 0] = np.maximum(lobes[:, 0], 0.0)
     lobes[:, 3:] *= 0.1  # covariances of cells may be negative
     lobes = given.floats(", ".join(f"lobe.{name}" for name in LOBE), lobes)
-    body = "Selection s = new_selection(24, 1, facet); select_element(s, 0, region, lobe);"
+    body = "Selection s = new_selection(25, 1, facet); select_element(s, 0, region, lobe);"
     osl = given.evaluate(("selection.h",), "SlopeLobe lobe;", FACET + body,
                          ("element_importance(facet, region, lobe)", "s.count"))
     expected = selection.element_importance(is_ggx, alpha, region, lobes[:, 0], lobes[:, 1:3], lobes[:, 3:])
@@ -123,10 +123,14 @@ def test_the_importance_of_an_element_and_elements_of_none():
     assert 0.3 < (expected > 0).mean() < 0.7
 
 
-def test_lobes_of_one_point_share_the_closures_that_cycles_keeps():
+def test_the_lobes_of_a_material_share_its_closures():
     given = Inputs()
     lobes = given.ints("int lobes", np.resize(np.arange(1, 9), ROWS))
-    body = "Facet facet; Selection s = new_selection(60, lobes, facet);"
+    closures = given.ints("int closures", np.repeat([8, 16, 64], -(-ROWS // 3))[:ROWS])
+    body = "Facet facet; Selection s = new_selection(closures, lobes, facet);"
     limit = given.evaluate(("selection.h",), "", body, ("s.limit",))[:, 0]
     # Each lobe has a remainder too.
-    assert (lobes * (limit + 1) <= 64).all() and limit[0] == selection.CLOSURE_BUDGET and limit.min() == 7
+    room = closures >= 2 * lobes
+    assert (lobes * (limit + 1) <= closures)[room].all() and (limit[~room] == 1).all()
+    assert limit[lobes * closures == 8].max() == 7 and limit.max() == selection.CLOSURE_BUDGET
+    assert (limit == np.clip(closures // lobes - 1, 1, selection.CLOSURE_BUDGET)).all()

@@ -38,13 +38,13 @@ BODY = """
   Index index = map_index(map.index, map.width, map.height);
   block.ellipse = footprint_ellipse(query.footprint, 0.0, 0.0);
   block.record = INDEX_RECORD * (block.column / INDEX_SIDE + index.columns * (block.row / INDEX_SIDE));
-  Selection s = new_selection(24, 1, facet);
+  Selection s = new_selection(25, 1, facet);
   s.random = 0.3;
   visit_listed(map, index, query, block, k, start, end, s);
-  Selection in_block = new_selection(24, 1, facet);
+  Selection in_block = new_selection(25, 1, facet);
   in_block.random = 0.3;
   visit_block(map, index, query, block, k, in_block);
-  Selection all = new_selection(24, 1, facet);
+  Selection all = new_selection(25, 1, facet);
   all.random = 0.3;
   map.costs.visited = 0;
   float total = index_query(map, query, all);

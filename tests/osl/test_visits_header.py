@@ -49,7 +49,7 @@ def declared(normals, file, hints, is_linear, visited=4096):
 def give_facet(given, alpha):
     given.statements += ["Facet facet;", "facet.distribution = \"beckmann\";"]
     alpha = given.floats("facet.alpha", alpha)
-    given.statements += ["query.facet = facet;", "Selection s = new_selection(24, 1, facet);"]
+    given.statements += ["query.facet = facet;", "Selection s = new_selection(25, 1, facet);"]
     return alpha
 
 
