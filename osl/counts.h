@@ -99,7 +99,8 @@ SlopeLobe cell_lobe(Query query, int k, Cells cells, Grid grid, Masses m, int c,
   return lobe;
 }
 
-/* Select the cells around each half vector, as many elements each as its counts say. */
+/* Select the cells around each half vector, as many elements each as its counts say. Cells answer, not elements that
+ * they propose: decision 72. */
 void counts_query(output Map map, Level level, Query query, Cells cells[HINT_COUNT], output Selection s)
 {
   Blocks blocks = blocks_under(level, query);

@@ -160,7 +160,7 @@ def _add_nodes(group):
                 write_number(socket, context_number(set_of(group), slot, part + axis))
             sources[name] = node.outputs["Vector"], help
     for name, number, help in ((SAMPLES, SAMPLE_COUNT, "Samples a pixel of the render under way"),
-                               (CLOSURES, CLOSURE_COUNT, "Closures that a material's glints may use: 64 on CPU, 0 on GPU")):
+                               (CLOSURES, CLOSURE_COUNT, "Closures of a material's glints: 64 on CPU, 0 on GPU")):
         sources[name] = builder.add_node(group, "ShaderNodeValue", name).outputs["Value"], help
         write_number(sources[name][0], number)
 
