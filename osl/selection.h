@@ -13,8 +13,8 @@
  * 63. */
 #define CLOSURE_BUDGET 24
 /* Importance, relative to that of an element in the middle of a region, below which none falls: it bounds the weight of
- * elements that other lights than the hinted ones show. */
-#define LEAST_IMPORTANCE 0.02
+ * elements that other lights than the hinted ones show, and is as small as those at a region's rim: decision 73. */
+#define LEAST_IMPORTANCE 0.002
 /* Successive multiples modulo 1 are spread evenly: one for the odds of each reservoir. */
 #define GOLDEN_RATIO 0.6180339887
 /* Least squared width of a closure, in alpha^2: cells of counts.h may have a negative covariance. */

@@ -8,7 +8,7 @@ from .facet import facet_lobe
 from .light_hint import REGION
 
 CLOSURE_BUDGET = 24
-LEAST_IMPORTANCE = 0.02
+LEAST_IMPORTANCE = 0.002
 LEAST_SHARE = 0.5
 GOLDEN_RATIO = 0.6180339887
 EPSILON = 2.0**-24
