@@ -290,8 +290,8 @@ def test_preparing_bakes_once_and_keeps_its_report_on_the_scene(glinting, tmp_pa
     for word in ("baked", "reused"):
         assert bpy.ops.glint.prepare() == {"FINISHED"}
         state = bpy.context.scene.glint
-        # Without a camera, views from far away are prepared for too: with an index and a table of counts.
-        assert [line.detail for line in state.tables] == [word] * 3
+        # Without a camera, views from far away are prepared for too: with a table of counts.
+        assert [line.detail for line in state.tables] == [word] * 2
     assert state.prepared and glinting.cycles.shading_system
     assert [line.name for line in state.hints] == ["Sun"] and not state.warnings
     assert Path(state.tables[0].name).parent == tmp_path / "glint_tables"
