@@ -40,7 +40,7 @@ package: $(STAMP)  ## Build and validate the extension in dist/
 truth: $(STAMP)  ## Render the stored truth of a scene of the benchmark again (SCENE=name; minutes to hours)
 	@$(VENV_PYTHON) -m benchmarks truth $(or $(SCENE),$(error Say which scene: make truth SCENE=name))
 
-bench: $(STAMP)  ## Measure run time against error, write tables and plots (about an hour on an idle machine)
+bench: $(STAMP)  ## Measure run time against error, write tables and plots (well over an hour on an idle machine)
 	@$(VENV_PYTHON) -m benchmarks run $(ARGS)
 
 bench-quick: $(STAMP)  ## Compare what the lobe does on two scenes with the limits (counts; times inform)

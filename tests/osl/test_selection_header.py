@@ -125,7 +125,7 @@ def test_the_importance_of_an_element_and_elements_of_none():
 
 def test_the_lobes_of_a_material_share_its_closures():
     given = Inputs()
-    lobes = given.ints("int lobes", np.resize(np.arange(1, 9), ROWS))
+    lobes = given.ints("int lobes", np.resize(np.arange(1, 33), ROWS))
     closures = given.ints("int closures", np.repeat([8, 16, 64], -(-ROWS // 3))[:ROWS])
     body = "Facet facet; Selection s = new_selection(closures, lobes, facet);"
     limit = given.evaluate(("selection.h",), "", body, ("s.limit",))[:, 0]
