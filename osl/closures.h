@@ -40,8 +40,8 @@ float merged_reflection(HalfVector hint, float alpha, SlopeLobe lobe)
   return at_mean > 0.0 && at_light > 0.0 ? at_mean / at_light : 1.0;
 }
 
-/* Anisotropic closure of one element or cell. */
-closure color glint_closure(Facet facet, HalfVector hint, SlopeLobe lobe)
+/* `weight` times the anisotropic closure of one element or cell; tint: see surface_closure. */
+closure color glint_closure(Facet facet, float weight, color tint, HalfVector hint, SlopeLobe lobe)
 {
   normal n = normalize(hint.h + lobe.p1 * hint.t1 + lobe.p2 * hint.t2);
 
@@ -54,15 +54,17 @@ closure color glint_closure(Facet facet, HalfVector hint, SlopeLobe lobe)
   float off = gain * lobe.c12;
   float radius = sqrt(half_difference * half_difference + off * off);
 
-  /* Use an isotropic closure where the axes differ by less than 1 % of the width. */
+  /* Leave the closure isotropic where the axes differ by less than 1 % of the width. */
+  vector axis = vector(0);
   if (radius < 0.01 * alpha2) {
-    float a = sqrt(max(alpha2 + mean, LEAST_SHARE * alpha2));
-    return microfacet(facet.distribution, n, vector(0), a, a, 0.0, 0);
+    radius = 0.0;
   }
-  float angle = 0.5 * atan2(off, half_difference);
-  vector axis = cos(angle) * hint.t1 + sin(angle) * hint.t2;
-  return microfacet(facet.distribution, n, axis, sqrt(max(alpha2 + mean + radius, LEAST_SHARE * alpha2)),
-                    sqrt(max(alpha2 + mean - radius, LEAST_SHARE * alpha2)), 0.0, 0);
+  else {
+    float angle = 0.5 * atan2(off, half_difference);
+    axis = cos(angle) * hint.t1 + sin(angle) * hint.t2;
+  }
+  return surface_closure(facet, weight, tint, n, axis, sqrt(max(alpha2 + mean + radius, LEAST_SHARE * alpha2)),
+                         sqrt(max(alpha2 + mean - radius, LEAST_SHARE * alpha2)));
 }
 
 /* Sum of the closures of a selection and of the remainder. total: the sum to which the selection's weights are
@@ -80,7 +82,7 @@ closure color selection_closures(Query query, Selection s, float total, closure 
         w *= merged_reflection(hint, query.facet.alpha, lobe);
       }
       /* Add in this order: Cycles flattens sum + x only 16 deep and drops the rest. */
-      sum = w * glint_closure(query.facet, hint, lobe) + sum;
+      sum = glint_closure(query.facet, w, color(1.0), hint, lobe) + sum;
       costs.closures += 1;
     }
   }

@@ -163,7 +163,7 @@ closure color patch_closure(Query query, output Map map, Hit hit, NormalFrame fr
                      deviation * query.footprint.uy, deviation * query.footprint.vy };
   SlopeLobe lobe = { 1.0, 0.0, 0.0, 0.0, 0.0, 0.0 };
   spread_over_part(around, map_patch(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height)), part, lobe);
-  return glint_closure(query.facet, around, lobe);
+  return glint_closure(query.facet, 1.0, color(1.0), around, lobe);
 }
 
 /* Select the elements of a footprint wider than one element, in the way that `mode` asks for, or by counts or index
@@ -200,7 +200,7 @@ float select_elements(output Map map, Query query, Hit hit, View view, output in
   return visit_elements(map, query, mode, map.is_linear && view.samples > 1.0 ? SURE_WEIGHT : 0.0, s);
 }
 
-/* The lobe for colour 1. s: empty, for as many closures as the lobe may return besides the remainder. plain: the
+/* The lobe. s: empty, for as many closures as the lobe may return besides the remainder. plain: the
  * closure of the normal at the hit point, which is returned alone where no hinted light can show a glint. */
 closure color glint_lobe(Facet facet, output Map map, NormalFrame frame, Hit hit, View view, Lights lights,
                          output Selection s, closure color plain)

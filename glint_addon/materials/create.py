@@ -21,7 +21,6 @@ from ..images import (
 from ..nodes.builder import add_node, arrange, version_of
 from ..nodes.glint_bsdf import (
     BSDF,
-    COLOR,
     NAME,
     ROUGHNESS,
     STRENGTH,
@@ -32,8 +31,9 @@ from ..nodes.glint_bsdf import (
     is_glint_group,
 )
 from ..nodes.map_binding import MapBinding, image_read
-from ..nodes.map_choices import CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION
+from ..nodes.map_choices import CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION, SURFACE
 from ..nodes.map_tables import MapTables
+from .surface_values import surface_values
 
 
 def create_glint_material(
@@ -44,27 +44,38 @@ def create_glint_material(
     distribution=DISTRIBUTION.default,
     interpolation=INTERPOLATION.default,
     convention=CONVENTION.default,
-    color=COLOR.default[:3],
+    color=None,
     strength=STRENGTH.default,
     uv_map="",
     extension=EXTENSION.default,
+    surface=SURFACE.default,
+    edge_tint=None,
+    ior=None,
+    extinction=None,
+    metal="",
 ) -> bpy.types.Material:
     """A new material whose glints come from `normal_map`, a path ("<UDIM>" for all tiles) or a bpy.types.Image.
 
     roughness 0..1 of a single facet (alpha is its square); distribution 'BECKMANN' or 'GGX'; interpolation 'LINEAR' or
-    'CLOSEST'; convention 'OPENGL' (+Y) or 'DIRECTX' (-Y); color linear RGB; strength scales the slopes; uv_map "" is
+    'CLOSEST'; convention 'OPENGL' (+Y) or 'DIRECTX' (-Y); strength scales the slopes; uv_map "" is
     the active render UV map; extension 'REPEAT', 'EXTEND', 'CLIP' or 'MIRROR', as of an Image Texture node: all but
-    the first are as noisy as Blender's own nodes where a footprint meets the map's edge, and beyond. Colour 1 and
-    strength 1 reproduce Image Texture -> Normal Map -> Glossy BSDF.
+    the first are as noisy as Blender's own nodes where a footprint meets the map's edge, and beyond.
+    surface: what facets are made of, as the BSDF node that follows Image Texture -> Normal Map: 'TINT' is Glossy BSDF
+    of `color`; 'METAL' Metallic BSDF of base colour `color` and `edge_tint`; 'CONDUCTOR' Metallic BSDF of `ior` and
+    `extinction`, three numbers each; 'DIELECTRIC' the reflection of Principled BSDF of `ior` and specular tint `color`,
+    always GGX. Colours are linear RGB; None is the node's default, and white for 'TINT'. metal: a name in METALS
+    (nodes/surface_kinds.py), as "Gold", for the numbers of METAL or CONDUCTOR.
     Raises MapError or ShaderError, and then leaves nothing behind. Call `prepare_scene` before rendering.
     """
-    _check_values(name, roughness, strength, color, uv_map)
-    reading = MapBinding(None, interpolation, convention, distribution, uv_map, extension)
+    _check_values(name, roughness, strength, uv_map)
+    values = surface_values(name, surface, metal=metal, color=color, edge_tint=edge_tint, ior=ior,
+                            extinction=extinction)
+    reading = MapBinding(None, interpolation, convention, distribution, uv_map, extension, surface=surface)
     before = _data_blocks()
     try:
         group = _bound_group(normal_map, reading)
         material = bpy.data.materials.new(name)
-        values = {ROUGHNESS.name: roughness, COLOR.name: (*color[:3], 1.0), STRENGTH.name: strength}
+        values |= {ROUGHNESS.name: roughness, STRENGTH.name: strength}
         _add_surface(material, group, values, uv_map)
     except Exception:
         bpy.data.batch_remove(_data_blocks() - before)
@@ -87,20 +98,12 @@ def bound_group(normal_map, reading: MapBinding) -> bpy.types.ShaderNodeTree:
         raise
 
 
-def _check_values(name, roughness, strength, color, uv_map):
+def _check_values(name, roughness, strength, uv_map):
     """Refuse at the door what Blender would refuse half-way, in other words."""
     for value, socket in ((roughness, ROUGHNESS), (strength, STRENGTH)):
         if not isinstance(value, Real) or not socket.low <= value <= socket.high:
             allowed = f"{socket.low:g} to {socket.high:g}"
             raise MapError(f"{socket.name} {value} of glint material {name} is out of range: use {allowed}.")
-    try:
-        channels = [float(channel) for channel in color]
-    except (TypeError, ValueError):
-        channels = []
-    if len(channels) not in (3, 4) or not all(COLOR.low <= channel < float("inf") for channel in channels):
-        raise MapError(
-            f"{COLOR.name} {color} of glint material {name} is no color: use three numbers from {COLOR.low:g}."
-        )
     for value, what in ((name, "Name"), (uv_map, "UV map")):
         if not isinstance(value, str):
             raise MapError(f"{what} {value} of glint material {name} is no text: give its name.")

@@ -31,9 +31,10 @@ from .map_binding import ORIGINAL_NODE, MapBinding, is_old, map_of, nodes_bindin
 from .map_choices import CHOICES, FACETS_NODE, IMAGE_NODE, NORMAL_NODE
 from .map_tables import SCRIPT_NODE, forget_table
 from .script_node import add_script_node, osl_available
+from .surface_kinds import KINDS, add_facets, surface_of
 
 NAME = "Glint BSDF"
-VERSION = 13
+VERSION = 14
 LIGHTS_NODE = "Lights"
 CAUSTICS_NODE = "Caustics"
 GRID_NODE = "OnGrid"
@@ -82,10 +83,6 @@ PIXEL_GRID = Driven(
     ),
 )
 
-COLOR = Socket(
-    "Color", "NodeSocketColor", default=(1.0, 1.0, 1.0, 1.0), low=0.0, high=1.0, help="Reflectance of a facet",
-    setting_help="Colour of the reflection",
-)
 ROUGHNESS = Socket(
     "Roughness", "NodeSocketFloat", default=0.1, low=0.0, high=1.0, subtype="FACTOR",
     help="Roughness of a single facet; its alpha is the square. Smaller: sharper, rarer, brighter glints",
@@ -97,7 +94,8 @@ STRENGTH = Socket(
     setting_help="How much of the map's tilt is used, as in the Normal Map node",
 )
 VECTOR = Socket("Vector", "NodeSocketVector", help="Texture coordinates; the UV map if nothing is connected")
-INPUTS = (COLOR, ROUGHNESS, STRENGTH, VECTOR)
+# Of all kinds of surface, below those of the kind.
+COMMON = (ROUGHNESS, STRENGTH, VECTOR)
 BSDF = Socket("BSDF", "NodeSocketShader")
 
 
@@ -118,7 +116,7 @@ def group_for(binding: MapBinding) -> bpy.types.ShaderNodeTree:
     group = new_group(NAME, VERSION, "Glints of a normal map's microstructure")
     try:
         forget_table(group)
-        _add_sockets(group)
+        _add_sockets(group, binding.surface)
         _add_nodes(group, binding)
         arrange(group)
     except Exception:
@@ -130,6 +128,11 @@ def group_for(binding: MapBinding) -> bpy.types.ShaderNodeTree:
 def is_glint_group(group) -> bool:
     """Whether a node tree is a Glint BSDF group."""
     return group is not None and STAMP in group and (IMAGE_NODE in group.nodes or OLD_INTERPOLATION in group)
+
+
+def inputs_of(surface: str) -> tuple[Socket, ...]:
+    """Inputs of the groups with a kind of surface, in their order."""
+    return (*KINDS[surface].sockets, *COMMON)
 
 
 def lights_of(group):
@@ -167,7 +170,7 @@ def refresh(group):
     if version_of(group) != VERSION or not _is_complete(group):
         count = places.count_of(group)
         group.nodes.clear()
-        _give_defaults(group, _add_sockets(group))
+        _give_defaults(group, _add_sockets(group, binding.surface))
         _add_nodes(group, binding)
         places.keep_count(group, count)
         arrange(group)
@@ -181,15 +184,20 @@ def refresh(group):
 
 def _is_complete(group) -> bool:
     """Whether the nodes that Blender's own do not replace are all there, and the shader, if any, is compiled."""
-    names = (*OWN_NODES, *(PLACES_NODES if map_of(group) is not None else ()))
+    names = (*OWN_NODES, *(PLACES_NODES if takes_places(map_of(group), surface_of(group)) else ()))
     if osl_available():
         names = (*OSL_NODES, *names)
     is_whole = all(name in group.nodes for name in names)
     return is_whole and (not osl_available() or bool(group.nodes[SCRIPT_NODE].bytecode))
 
 
+def takes_places(image, surface: str) -> bool:
+    """Whether a group can choose among places of its map: the closures of other kinds of surface take no weight."""
+    return image is not None and surface == "TINT"
+
+
 def _has_places(group) -> bool:
-    """Whether the group can choose among places of its map."""
+    """Whether the group has the nodes that choose among places of its map."""
     return map_of(group) is not None and all(name in group.nodes for name in PLACES_NODES)
 
 
@@ -213,17 +221,17 @@ def _set_constant(group, name, value):
 
 def _check_sockets(group):
     present = {item.name for item in group.interface.items_tree}
-    lost = [socket.name for socket in INPUTS if socket.name not in present]
+    lost = [socket.name for socket in inputs_of(surface_of(group)) if socket.name not in present]
     if lost:
         raise SceneError(f'Node group "{group.name}" has lost its socket "{lost[0]}": add its material anew.')
 
 
-def _add_sockets(group) -> list[str]:
+def _add_sockets(group, surface) -> list[str]:
     """Add the sockets that the group lacks (a new group lacks all); returns the names of these inputs."""
     present = {item.name for item in group.interface.items_tree}
     if BSDF.name not in present:
         add_output(group, BSDF)
-    lacking = [socket for socket in INPUTS if socket.name not in present]
+    lacking = [socket for socket in inputs_of(surface) if socket.name not in present]
     for socket in lacking:
         add_input(group, socket)
     # Without a value to show, a socket that is not connected gives textures their own coordinates: the UV map.
@@ -251,7 +259,7 @@ def _add_nodes(group, binding):
     way = add_node(group, "ShaderNodeValue", WAY_NODE).outputs["Value"]
     choose_way(group)
     native = glossy
-    if binding.image is not None:
+    if takes_places(binding.image, binding.surface):
         native = _add_places(group, source, lights, coordinates, glossy)
     script = add_script_node(group, "glint.osl", SCRIPT_NODE)
     if script is None:
@@ -260,7 +268,8 @@ def _add_nodes(group, binding):
         return
 
     _follow_nodes(group, binding)
-    links = [(source.outputs[socket.name], script.inputs[socket.name]) for socket in (COLOR, ROUGHNESS, STRENGTH)]
+    inputs = {ROUGHNESS: ROUGHNESS.name, STRENGTH: STRENGTH.name, **KINDS[binding.surface].sockets}
+    links = [(source.outputs[socket.name], script.inputs[name]) for socket, name in inputs.items()]
     links.append((source.outputs[VECTOR.name], script.inputs["UV"]))
     links.append((coordinates, script.inputs["MapUV"]))
     links.append((glossy, script.inputs["Fallback"]))
@@ -337,7 +346,7 @@ def _add_places(group, source, lights, coordinates, glossy):
     parts = ((KEPT_FACETS, kept_normal, found.kept_weight), (OWN_FACETS, group.nodes[NORMAL_NODE], found.own_weight))
     for (name, normal, weight), into in zip(parts, lobes.inputs, strict=True):
         lobe = add_node(group, "ShaderNodeBsdfAnisotropic", name)
-        feed(group, lobe.inputs["Color"], add_math(group, "SCALE", source.outputs[COLOR.name], weight, vector=True))
+        feed(group, lobe.inputs["Color"], add_math(group, "SCALE", source.outputs["Color"], weight, vector=True))
         feed(group, lobe.inputs["Roughness"], roughness)
         feed(group, lobe.inputs["Normal"], normal.outputs["Normal"])
         group.links.new(lobe.outputs["BSDF"], into)
@@ -367,8 +376,8 @@ def _follow_nodes(group, binding):
     script = group.nodes.get(SCRIPT_NODE)
     if script is None:
         return
-    flags = [(choice.name, *choice.flag) for choice in CHOICES.values() if choice.flag is not None]
-    values = {socket: int(getattr(binding, name) == value) for name, socket, value in flags}
+    values = {choice.number: choice.value(getattr(binding, name)).number for name, choice in CHOICES.items()
+              if choice.number}
     prefix = f"{binding.uv_map}." if binding.uv_map else "geom:"
     values |= {"TangentName": f"{prefix}tangent", "SignName": f"{prefix}tangent_sign"}
     for name, value in values.items():
@@ -381,16 +390,16 @@ def _add_native_nodes(group, binding, source):
     texture = add_node(group, "ShaderNodeTexImage", IMAGE_NODE)
     _read_map(group, binding.image)
     normal_map = add_node(group, "ShaderNodeNormalMap", NORMAL_NODE)
-    glossy = add_node(group, "ShaderNodeBsdfAnisotropic", FACETS_NODE)
+    facets = add_facets(group, binding.surface, FACETS_NODE)
     write_reading(group, binding)
     group.links.new(source.outputs[VECTOR.name], texture.inputs["Vector"])
     group.links.new(source.outputs[STRENGTH.name], normal_map.inputs["Strength"])
     if binding.image is not None:
         group.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
-    group.links.new(normal_map.outputs["Normal"], glossy.inputs["Normal"])
-    group.links.new(source.outputs[COLOR.name], glossy.inputs["Color"])
-    group.links.new(source.outputs[ROUGHNESS.name], glossy.inputs["Roughness"])
-    return glossy.outputs["BSDF"]
+    group.links.new(normal_map.outputs["Normal"], facets.inputs["Normal"])
+    for socket in (ROUGHNESS, *KINDS[binding.surface].sockets):
+        group.links.new(source.outputs[socket.name], facets.inputs[socket.name])
+    return facets.outputs["BSDF"]
 
 
 def follow_map(group, states=None):

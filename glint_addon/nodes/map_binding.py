@@ -23,8 +23,10 @@ from .map_choices import (
     IMAGE_NODE,
     INTERPOLATION,
     NORMAL_NODE,
+    SURFACE,
 )
 from .map_tables import stored_text
+from .surface_kinds import KINDS, surface_of
 
 ORIGINAL_NODE = "Original"  # of an image that is shown as colour elsewhere: the group reads a copy, and this holds it
 
@@ -36,7 +38,7 @@ VERSION_OF_NODES = 10
 class MapBinding:
     """A normal map, the user's own image, and how it is read: by which value of each of CHOICES and which UV map.
 
-    frames: of an image sequence, None of any other image.
+    frames: of an image sequence, None of any other image. A surface whose node has but one distribution has that one.
     """
 
     image: bpy.types.Image | None = None
@@ -46,14 +48,19 @@ class MapBinding:
     uv_map: str = ""
     extension: str = EXTENSION.default
     frames: Frames | None = None
+    surface: str = SURFACE.default
 
     def __post_init__(self):
         for name in (name for name in READING if name in CHOICES):
             value, choice = getattr(self, name), CHOICES[name]
             if value not in choice.identifiers:
                 raise MapError(f'{choice.label} "{value}" is unknown: use one of {", ".join(choice.identifiers)}.')
+        if KINDS[self.surface].distribution:
+            object.__setattr__(self, "distribution", KINDS[self.surface].distribution)
 
 
+# The choices that a property of a node says: all but the kind of surface, which is another node.
+PROPERTIES = {name: choice for name, choice in CHOICES.items() if choice is not SURFACE}
 # The fields that say how any map is read.
 READING = tuple(field.name for field in fields(MapBinding) if field.name not in ("image", "frames"))
 
@@ -82,11 +89,11 @@ def nodes_binding(group) -> MapBinding:
     if is_old(group):
         return _old_binding(group)
     nodes = {name: _node(group, name) for name in (IMAGE_NODE, NORMAL_NODE, FACETS_NODE)}
-    chosen = {name: choice.identifier(getattr(nodes[choice.node], name)) for name, choice in CHOICES.items()}
+    chosen = {name: choice.identifier(getattr(nodes[choice.node], name)) for name, choice in PROPERTIES.items()}
     image = map_of(group)
     moves = image is not None and image.source == "SEQUENCE"
     frames = Frames.of(nodes[IMAGE_NODE].image_user) if moves else None
-    return MapBinding(image, uv_map=nodes[NORMAL_NODE].uv_map, frames=frames, **chosen)
+    return MapBinding(image, uv_map=nodes[NORMAL_NODE].uv_map, frames=frames, surface=surface_of(group), **chosen)
 
 
 def write_reading(group, binding: MapBinding, copies=None):
@@ -95,7 +102,7 @@ def write_reading(group, binding: MapBinding, copies=None):
     copies: {name of one of these nodes: names of the nodes that are to say the same instead}.
     """
     copies = copies or {name: (name,) for name in (IMAGE_NODE, NORMAL_NODE, FACETS_NODE)}
-    values = [(choice.node, name, choice.value(getattr(binding, name)).native) for name, choice in CHOICES.items()]
+    values = [(choice.node, name, choice.value(getattr(binding, name)).native) for name, choice in PROPERTIES.items()]
     for original, name, value in (*values, (NORMAL_NODE, "uv_map", binding.uv_map)):
         for node in (group.nodes[copy] for copy in copies[original]):
             if getattr(node, name) != value:

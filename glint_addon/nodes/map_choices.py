@@ -14,12 +14,14 @@ IMAGE_NODE, NORMAL_NODE, FACETS_NODE = "Normal Map Image", "Tangent Space", "Fac
 
 @dataclass(frozen=True)
 class Value:
-    """One value of a choice; `in_node` is Blender's own name for it, where that differs from the identifier."""
+    """One value of a choice; `in_node` is Blender's own name for it, where that differs from the identifier, and
+    `number` what the input of the OSL node is, where the choice has one."""
 
     identifier: str
     label: str
     help: str
     in_node: str = ""
+    number: int = 0
 
     @property
     def native(self) -> str:
@@ -31,9 +33,9 @@ class Value:
 class Choice:
     """A choice of how a map is read; its first value is the default.
 
-    name: field of `MapBinding`, setting of the operators, and property of the group's node `node`; flag: input of the
-    OSL node that is 1 for one value and 0 for all others, and that value, or None where the tables say it; expected:
-    the value that the panel does not mention.
+    name: field of `MapBinding`, setting of the operators, and property of the group's node `node` (of SURFACE the kind
+    of that node says it: surface_kinds); number: input of the OSL node that takes the value's number, or empty where
+    the tables say it; expected: the value that the panel does not mention.
     """
 
     name: str
@@ -41,7 +43,7 @@ class Choice:
     help: str
     node: str
     values: tuple[Value, ...]
-    flag: tuple[str, str] | None = None
+    number: str = ""
     expected: str = ""
 
     @property
@@ -68,6 +70,21 @@ class Choice:
         return {value.native: value.identifier for value in self.values}.get(native, native.upper())
 
 
+SURFACE = Choice(
+    "surface",
+    "Surface",
+    "What a facet of the surface is made of",
+    FACETS_NODE,
+    (
+        Value("TINT", "Tint", "One colour at all angles, as Glossy BSDF"),
+        Value("METAL", "Metal", "Metal by base colour and edge tint, as Metallic BSDF (F82 Tint)", number=1),
+        Value("CONDUCTOR", "Conductor", "Metal by IOR and extinction, as Metallic BSDF (Physical Conductor)", number=2),
+        Value("DIELECTRIC", "Dielectric", "Ice, mica, sand, lacquer: the reflection of Principled BSDF, always GGX",
+              number=3),
+    ),
+    number="Surface",
+    expected="TINT",
+)
 DISTRIBUTION = Choice(
     "distribution",
     "Distribution",
@@ -75,9 +92,9 @@ DISTRIBUTION = Choice(
     FACETS_NODE,
     (
         Value("BECKMANN", "Beckmann", "Gaussian slopes: crisp glints without tails"),
-        Value("GGX", "GGX", "Long tails: a soft halo around each glint"),
+        Value("GGX", "GGX", "Long tails: a soft halo around each glint", number=1),
     ),
-    flag=("GGX", "GGX"),
+    number="GGX",
 )
 INTERPOLATION = Choice(
     "interpolation",
@@ -85,10 +102,10 @@ INTERPOLATION = Choice(
     "How normals are read between texels",
     IMAGE_NODE,
     (
-        Value("LINEAR", "Linear", "Smooth maps: waves, scratches, brushed metal", in_node="Linear"),
+        Value("LINEAR", "Linear", "Smooth maps: waves, scratches, brushed metal", in_node="Linear", number=1),
         Value("CLOSEST", "Closest", "One flat facet a texel: metallic flakes, sequins", in_node="Closest"),
     ),
-    flag=("Linear", "LINEAR"),
+    number="Linear",
 )
 CONVENTION = Choice(
     "convention",
@@ -106,14 +123,14 @@ EXTENSION = Choice(
     "What is outside the map's own square of UVs",
     IMAGE_NODE,
     (
-        Value("REPEAT", "Repeat", "The map again: no edge"),
+        Value("REPEAT", "Repeat", "The map again: no edge", number=1),
         Value("EXTEND", "Extend", "The map's outermost texels; rendered by Blender's own nodes, from the edge on"),
         Value("CLIP", "Clip", "Nothing: black; the edge is rendered by Blender's own nodes"),
         Value("MIRROR", "Mirror", "The map mirrored; rendered by Blender's own nodes, from the edge on"),
     ),
-    flag=("Repeats", "REPEAT"),
+    number="Repeats",
     expected="REPEAT",
 )
 
 # By name, in the order of the dialog.
-CHOICES = {choice.name: choice for choice in (DISTRIBUTION, INTERPOLATION, CONVENTION, EXTENSION)}
+CHOICES = {choice.name: choice for choice in (SURFACE, DISTRIBUTION, INTERPOLATION, CONVENTION, EXTENSION)}

@@ -4,16 +4,31 @@ import re
 from pathlib import Path
 
 import bpy
-from bpy.props import FloatProperty, FloatVectorProperty, StringProperty
+from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, StringProperty
 
-from ..nodes.glint_bsdf import COLOR, ROUGHNESS, STRENGTH
+from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH
+from ..nodes.surface_kinds import COLOR, EDGE_TINT, EXTINCTION, IOR, IORS, METALS
 from .failing_softly import FailsSoftly
 from .map_settings import MapSettings, check_uv_map
 
+CUSTOM = "CUSTOM"
+METAL_ITEMS = (*((name, name, f"Refractive index of {name.lower()}") for name in METALS),
+               (CUSTOM, "Custom", "Numbers of your own"))
+# The settings that describe each kind of surface, and the argument of `create_glint_material` that each becomes.
+OF_SURFACE = {
+    "TINT": {"color": "color"},
+    "METAL": {"color": "color", "edge_tint": "edge_tint"},
+    "CONDUCTOR": {"ior_rgb": "ior", "extinction": "extinction"},
+    "DIELECTRIC": {"ior": "ior", "color": "color"},
+}
+OF_METAL = ("METAL", "CONDUCTOR")
+
 
 def setting_of(socket) -> dict:
-    """Name, tooltip and range of a setting that becomes the value of a socket of the new node."""
-    return {"name": socket.name, "description": socket.setting_help, "min": socket.low, "max": socket.high}
+    """Name, tooltip, default and range of a setting that becomes the value of a socket of the new node."""
+    default = socket.default[:3] if isinstance(socket.default, tuple) else socket.default
+    return {"name": socket.name, "description": socket.setting_help or socket.help, "default": default,
+            "min": socket.low, "max": socket.high}
 
 
 class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
@@ -24,9 +39,15 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     name: StringProperty(name="Name", description="Name of the material; empty takes the map's name", default="")
-    roughness: FloatProperty(**setting_of(ROUGHNESS), default=ROUGHNESS.default, subtype=ROUGHNESS.subtype)
-    color: FloatVectorProperty(**setting_of(COLOR), default=COLOR.default[:3], subtype="COLOR")
-    strength: FloatProperty(**setting_of(STRENGTH), default=STRENGTH.default)
+    roughness: FloatProperty(**setting_of(ROUGHNESS), subtype=ROUGHNESS.subtype)
+    strength: FloatProperty(**setting_of(STRENGTH))
+    metal: EnumProperty(name="Metal", description="Metal whose numbers are taken", items=METAL_ITEMS,
+                        default="Titanium")
+    color: FloatVectorProperty(**setting_of(COLOR), subtype="COLOR")
+    edge_tint: FloatVectorProperty(**setting_of(EDGE_TINT), subtype="COLOR")
+    ior: FloatProperty(**setting_of(IOR))
+    ior_rgb: FloatVectorProperty(**setting_of(IORS))
+    extinction: FloatVectorProperty(**setting_of(EXTINCTION))
 
     @classmethod
     def poll(cls, context):
@@ -59,9 +80,9 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
             self.name or f"Glint {map_title(normal_map)}",
             normal_map,
             roughness=self.roughness,
-            color=tuple(self.color),
             strength=self.strength,
             **self.reading(),
+            **self._of_surface(),
         )
         assign(target, material)
         # The pick is spent: the next material starts with an empty field.
@@ -69,12 +90,25 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
         self.report({"INFO"}, f'Gave "{material.name}" to {target.name}: press Prepare Glints before rendering')
         return {"FINISHED"}
 
+    def _of_surface(self) -> dict:
+        """The arguments of `create_glint_material` that describe the surface."""
+        if self.surface in OF_METAL and self.metal != CUSTOM:
+            return {"metal": self.metal}
+        values = {argument: getattr(self, name) for name, argument in OF_SURFACE[self.surface].items()}
+        return {argument: value if isinstance(value, float) else tuple(value) for argument, value in values.items()}
+
     def draw(self, context):
         """Settings in the Adjust Last Operation panel."""
-        self.layout.use_property_split = True
-        for name in ("name", "roughness", "color", "strength"):
-            self.layout.prop(self, name)
+        layout = self.layout
+        layout.use_property_split = True
+        for name in ("name", "roughness", "strength"):
+            layout.prop(self, name)
         self.draw_map(context)
+        if self.surface in OF_METAL:
+            layout.prop(self, "metal")
+        if self.surface not in OF_METAL or self.metal == CUSTOM:
+            for name in OF_SURFACE[self.surface]:
+                layout.prop(self, name)
 
 
 class GLINT_FH_normal_map(bpy.types.FileHandler):

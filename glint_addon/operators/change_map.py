@@ -42,6 +42,7 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
         """Let every Glint BSDF node of the material use the group that reads the chosen map."""
         from ..images import remove_unused_copies
         from ..materials.create import bound_group
+        from ..materials.replace_group import replace_group
 
         material = active_material(context)
         if context.object is not None:
@@ -52,7 +53,8 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
         for node in glint_nodes(material):
             if group.users == 0:
                 keep_count(group, count_of(node.node_tree))  # else it looks at as many as others set there
-            left, node.node_tree = node.node_tree, group
+            left = node.node_tree
+            replace_group(node, group)
             follow_uv_map(node, self.uv_map)
             if left.users == 0:
                 bpy.data.node_groups.remove(left)

@@ -5,7 +5,8 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..errors import SceneError
 from ..nodes.map_binding import READING, MapBinding
-from ..nodes.map_choices import CHOICES, CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION, Choice
+from ..nodes.map_choices import CHOICES, CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION, SURFACE, Choice
+from ..nodes.surface_kinds import KINDS
 
 HIDDEN = {"HIDDEN", "SKIP_SAVE"}
 
@@ -27,6 +28,7 @@ class MapSettings:
     filter_image: BoolProperty(default=True, options=HIDDEN)
     filter_folder: BoolProperty(default=True, options=HIDDEN)
 
+    surface: choice_property(SURFACE)
     distribution: choice_property(DISTRIBUTION)
     interpolation: choice_property(INTERPOLATION)
     convention: choice_property(CONVENTION)
@@ -66,7 +68,8 @@ class MapSettings:
     def draw_map(self, context):
         """The choices, in the Adjust Last Operation panel or a dialog."""
         for name in CHOICES:
-            self.layout.prop(self, name)
+            if name != DISTRIBUTION.name or not KINDS[self.surface].distribution:
+                self.layout.prop(self, name)
         if context.object and context.object.type == "MESH":
             self.layout.prop_search(self, "uv_map", context.object.data, "uv_layers")
 

@@ -16,7 +16,7 @@ from .stored_tables import remembered_tables
 from .uses import Uses, shown_map
 
 VALUES = (ROUGHNESS.name, STRENGTH.name)  # sockets that say which lights facets can mirror
-BINDING_WORDS = ("Interpolation", "Convention", "Distribution", "UV map", "Extension", "Frames")
+BINDING_WORDS = ("Interpolation", "Convention", "Distribution", "UV map", "Extension", "Surface", "Frames")
 
 
 def material_facts(uses: Uses, states: ImageStates) -> dict[str, list[list[str]]]:
@@ -81,7 +81,7 @@ def _group(group: bpy.types.ShaderNodeTree, states: ImageStates) -> list[str]:
         return [image.name_full, states[image], str(error), *[""] * (len(BINDING_WORDS) - 1)]
     frames = " ".join(map(str, astuple(binding.frames))) if binding.frames else "all"
     return [image.name_full, states[image], binding.interpolation, binding.convention, binding.distribution,
-            binding.uv_map, binding.extension, frames]
+            binding.uv_map, binding.extension, binding.surface, frames]
 
 
 def _changed_pixels(name: str, state: str) -> str:

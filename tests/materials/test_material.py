@@ -1,5 +1,7 @@
 """create_glint_material: its arguments reach the nodes; what cannot be is one sentence and leaves nothing behind."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -7,9 +9,12 @@ import pytest
 from glint_addon import create_glint_material
 from glint_addon.errors import GlintError, MapError, ShaderError
 from glint_addon.materials.find import glint_groups, is_glint_material
+from glint_addon.materials.replace_group import replace_group
+from glint_addon.materials.surface_values import WORDS
 from glint_addon.nodes import glint_bsdf
 from glint_addon.nodes.map_binding import MapBinding, map_of
-from glint_addon.nodes.map_choices import CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION
+from glint_addon.nodes.map_choices import CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION, SURFACE
+from glint_addon.nodes.surface_kinds import IORS, KINDS, METALS
 from tests.helpers.extension import data_names, write_flake_map
 
 SIZE = 16
@@ -117,7 +122,7 @@ def test_a_number_out_of_range_is_refused(flake_map, name, values):
 
 
 @pytest.mark.parametrize("color", [(1,), (1, 1), (1, 1, 1, 1, 1), (-0.1, 0, 0), (float("nan"), 0, 0),
-                                   (float("inf"), 0, 0), "red", None, 0.5])
+                                   (float("inf"), 0, 0), "red", 0.5])
 def test_what_is_no_color_is_refused(flake_map, color):
     assert "Color" in refusal("Sparkle", flake_map, color=color)
 
@@ -205,7 +210,7 @@ def test_a_shader_that_does_not_compile_leaves_nothing(flake_map, monkeypatch):
 def test_a_failure_spares_what_was_there_before(flake_map):
     material = create_glint_material("Sparkle", flake_map)
     refusal("Other", flake_map, distribution="PHONG")
-    refusal("Other", flake_map, color=None)
+    refusal("Other", flake_map, color="red")
     assert is_glint_material(material) and len(bpy.data.materials) == 1
 
 
@@ -221,3 +226,71 @@ def test_only_materials_with_a_map_are_glint_materials(scene, flake_map):
     outer.nodes.new("ShaderNodeGroup").node_tree = glint_groups(create_glint_material("m", flake_map))[0]
     node.node_tree = outer
     assert is_glint_material(plain)
+
+
+def test_each_kind_of_surface_takes_its_values(flake_map):
+    given = {
+        "TINT": {"color": (0.1, 0.2, 0.3)},
+        "METAL": {"color": (0.1, 0.2, 0.3), "edge_tint": (0.4, 0.5, 0.6)},
+        "CONDUCTOR": {"ior": (1.0, 2.0, 3.0), "extinction": (4.0, 5.0, 6.0)},
+        "DIELECTRIC": {"color": (0.1, 0.2, 0.3), "ior": 1.31},
+    }
+    assert tuple(given) == SURFACE.identifiers
+    for kind, values in given.items():
+        inputs = surface(create_glint_material(kind, flake_map, surface=kind, **values)).inputs
+        for name, value in values.items():
+            if name == "color":
+                assert inputs[KINDS[kind].color.name].default_value[:] == pytest.approx((*value, 1.0))
+            else:
+                stored = inputs[WORDS[name]].default_value
+                expected = (*value, 1.0) if name == "edge_tint" else value
+                assert (stored[:] if hasattr(stored, "__len__") else stored) == pytest.approx(expected)
+
+
+def test_a_metal_is_known_by_its_name(flake_map):
+    gold = METALS["Gold"]
+    metal = surface(create_glint_material("m", flake_map, surface="METAL", metal="Gold", color=(0.5, 0.5, 0.5))).inputs
+    assert metal["Base Color"].default_value[:] == pytest.approx((0.5, 0.5, 0.5, 1.0))  # what is given comes first
+    assert metal["Edge Tint"].default_value[:3] == pytest.approx(gold.edge_tint)
+    conductor = surface(create_glint_material("m", flake_map, surface="CONDUCTOR", metal="Gold")).inputs
+    assert conductor["IOR"].default_value[:] == pytest.approx(gold.ior)
+    assert conductor["Extinction"].default_value[:] == pytest.approx(gold.extinction)
+
+
+def test_a_dielectric_is_always_ggx(flake_map):
+    material = create_glint_material("Ice", flake_map, surface="DIELECTRIC", distribution="BECKMANN")
+    assert glint_bsdf.group_binding(glint_groups(material)[0]).distribution == "GGX"
+
+
+@pytest.mark.parametrize(("settings", "words"), [
+    ({"surface": "WOOD"}, "Surface"),
+    ({"surface": "METAL", "metal": "Unobtainium"}, "Gold"),
+    ({"surface": "TINT", "metal": "Gold"}, "METAL"),
+    ({"surface": "TINT", "edge_tint": (1, 1, 1)}, "Edge Tint"),
+    ({"surface": "METAL", "ior": 1.5}, '"CONDUCTOR", "DIELECTRIC"'),
+    ({"surface": "CONDUCTOR", "color": (1, 1, 1)}, "Color"),
+    ({"surface": "CONDUCTOR", "ior": 1.5}, "IOR 1.5"),
+    ({"surface": "CONDUCTOR", "extinction": (1, 1, -1)}, "Extinction"),
+    ({"surface": "DIELECTRIC", "ior": 0.5}, "1 to 100"),
+    ({"surface": "DIELECTRIC", "ior": (1.5, 1.5, 1.5)}, "IOR"),
+])
+def test_what_a_surface_cannot_have_is_refused(flake_map, settings, words):
+    assert words in refusal("Sparkle", flake_map, **settings)
+
+
+def test_another_kind_of_surface_keeps_values_and_links_of_what_both_have(flake_map):
+    material = create_glint_material("m", flake_map, color=(0.1, 0.2, 0.3), roughness=0.3)
+    node = surface(material)
+    glossy = node.node_tree
+    source = node.inputs["Vector"].links[0].from_socket
+    tint = material.node_tree.nodes.new("ShaderNodeRGB").outputs[0]
+    material.node_tree.links.new(tint, node.inputs["Color"])
+    for kind in ("METAL", "DIELECTRIC", "METAL", "TINT"):
+        replace_group(node, glint_bsdf.group_for(replace(glint_bsdf.group_binding(glossy), surface=kind)))
+        assert node.inputs[KINDS[kind].color.name].links[0].from_socket == tint
+        assert node.inputs["Roughness"].default_value == pytest.approx(0.3)
+        assert node.inputs["Strength"].default_value == 1.0 and not node.inputs["Strength"].is_linked
+        assert node.inputs["Vector"].links[0].from_socket == source and node.outputs["BSDF"].is_linked
+    assert node.node_tree == glossy
+    replace_group(node, glint_bsdf.group_for(replace(glint_bsdf.group_binding(glossy), surface="CONDUCTOR")))
+    assert node.inputs["IOR"].default_value[:] == pytest.approx(IORS.default)

@@ -14,9 +14,10 @@ from glint_addon.errors import MapError
 from glint_addon.materials.find import glint_groups
 from glint_addon.nodes.glint_bsdf import build, group_binding
 from glint_addon.nodes.map_binding import READING, MapBinding
-from glint_addon.nodes.map_choices import CHOICES, EXTENSION, INTERPOLATION, Value
+from glint_addon.nodes.map_choices import CHOICES, EXTENSION, INTERPOLATION, SURFACE, Value
 from glint_addon.nodes.map_tables import SCRIPT_NODE
 from glint_addon.nodes.script_node import osl_available
+from glint_addon.nodes.surface_kinds import KINDS, surface_of
 from glint_addon.operators.map_settings import choice_property
 from glint_addon.prepare.material_facts import BINDING_WORDS
 from glint_addon.ui.panel import binding_words
@@ -30,16 +31,19 @@ BAKED = {"convention": normal_map.CONVENTIONS, "interpolation": counts.FIRST_BLO
 
 
 def unknown_to_blenders_node(choice) -> list:
-    """Values that Blender's own node in the group has not."""
+    """Values that Blender's own node in the group has not; each kind of surface has a node of its own."""
+    if choice is CHOICES["surface"]:
+        return [identifier for identifier in choice.identifiers if identifier not in KINDS]
     values = build().nodes[choice.node].bl_rna.properties[choice.name].enum_items.keys()
     return [value.identifier for value in choice.values if value.native not in values]
 
 
 def unknown_to_the_shader(choice) -> list:
     """Values that osl/glint.osl cannot tell from another; it leaves all extensions but one to Blender's own nodes."""
-    if choice.flag is None or choice is CHOICES["extension"]:
+    if not choice.number or choice is CHOICES["extension"]:
         return []
-    return [identifier for identifier in choice.identifiers if identifier != choice.flag[1]][1:]
+    numbers = [value.number for value in choice.values]
+    return [identifier for k, identifier in enumerate(choice.identifiers) if numbers[k] in numbers[:k]]
 
 
 def unknown_to_the_bake(choice) -> list:
@@ -81,12 +85,13 @@ def test_every_place_with_a_list_of_its_own_knows_every_value(scene, name):
 
 def test_a_new_value_is_missed_where_it_has_to_be_taught(extended):
     taught = {"Blender's node", "the docstring of create_glint_material"}
-    taught |= {"osl/glint.osl"} if extended.name in ("distribution", "interpolation") else set()
+    taught |= {"osl/glint.osl"} if extended.name in ("surface", "distribution", "interpolation") else set()
     taught |= {"glint_addon/bake"} if extended.name in ("convention", "interpolation") else set()
     assert forgotten(extended) == dict.fromkeys(taught, [NEW.identifier])
 
 
 def test_a_new_value_is_taken_by_checks_operators_and_panel_without_more(extended, monkeypatch):
+    monkeypatch.setitem(KINDS, NEW.identifier, KINDS["TINT"])
     binding = MapBinding(**{extended.name: NEW.identifier})
     monkeypatch.setattr("glint_addon.ui.panel.group_binding", lambda group: binding)
     assert NEW.label in binding_words(None)
@@ -124,7 +129,14 @@ def test_changes_are_told_in_the_words_of_the_list():
 
 def test_the_flags_are_inputs_of_the_shader():
     inputs = set(re.findall(r"^ {4}int (\w+) = [01] \[\[", SHADER.read_text(encoding="utf-8"), re.MULTILINE))
-    assert {choice.flag[0] for choice in CHOICES.values() if choice.flag is not None} <= inputs
+    assert {choice.number for choice in CHOICES.values() if choice.number} <= inputs
+
+
+def test_the_numbers_of_surfaces_are_those_of_the_shader():
+    header = (SHADER.parent / "facet.h").read_text(encoding="utf-8")
+    numbers = {name: int(number) for name, number in re.findall(r"^#define SURFACE_(\w+) (\d)", header, re.MULTILINE)}
+    assert numbers == {value.identifier: value.number for value in SURFACE.values}
+    assert list(numbers) == list(KINDS)
 
 
 @pytest.mark.parametrize("name", CHOICES)
@@ -134,10 +146,13 @@ def test_each_value_goes_into_the_nodes_and_comes_out_again(scene, tmp_path, nam
         material = create_glint_material(identifier, write_flake_map(tmp_path / "flakes.png"), **{name: identifier})
         (group,) = glint_groups(material)
         assert getattr(group_binding(group), name) == identifier
-        assert getattr(group.nodes[choice.node], name) == choice.value(identifier).native
-        if osl_available() and choice.flag is not None:
-            flags.append(group.nodes[SCRIPT_NODE].inputs[choice.flag[0]].default_value)
-    assert not flags or flags == [int(identifier == choice.flag[1]) for identifier in choice.identifiers]
+        if choice is SURFACE:
+            assert surface_of(group) == identifier
+        else:
+            assert getattr(group.nodes[choice.node], name) == choice.value(identifier).native
+        if osl_available() and choice.number:
+            flags.append(group.nodes[SCRIPT_NODE].inputs[choice.number].default_value)
+    assert not flags or flags == [value.number for value in choice.values]
 
 
 def test_what_blenders_node_may_say_besides_is_named_in_capitals():

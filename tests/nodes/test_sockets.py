@@ -9,18 +9,22 @@ import bpy
 import pytest
 
 from glint_addon import create_glint_material
-from glint_addon.nodes.glint_bsdf import COLOR, INPUTS, VECTOR, VERSION, build, group_for
+from glint_addon.nodes.glint_bsdf import COMMON, VECTOR, VERSION, build, group_for, inputs_of
 from glint_addon.nodes.glint_lights import HINT_COUNT, output_names
 from glint_addon.nodes.glint_lights import build as build_lights
 from glint_addon.nodes.map_binding import MapBinding
+from glint_addon.nodes.map_choices import SURFACE
+from glint_addon.nodes.surface_kinds import COLOR, EDGE_TINT, EXTINCTION, IOR, IORS, KINDS
 
 SHADER = (Path(__file__).parents[2] / "osl" / "glint.osl").read_text(encoding="utf-8")
-SETTINGS = tuple(socket for socket in INPUTS if socket is not VECTOR)
-NUMBERS = tuple(socket for socket in SETTINGS if socket.kind == "NodeSocketFloat")
-SCRIPT_INPUTS = {VECTOR.name: "UV"}  # where the shader's input has another name than the socket
-# The group as its version made it. Where it changes, raise VERSION in glint_addon/nodes/glint_bsdf.py and put the new
-# digest here: groups of saved files are brought up to date only if their version is another.
-BUILT = (13, "1fa958619dd580c4", "da1ae9ed61632c24")
+NUMBERS = tuple(socket for socket in COMMON if socket.kind == "NodeSocketFloat")
+# The setting of the operator that each socket becomes, where it has one.
+SETTINGS = {socket: socket.name.lower() for socket in (*NUMBERS, COLOR, EXTINCTION, IOR)} | {
+    EDGE_TINT: "edge_tint", IORS: "ior_rgb"}
+# The group without a map, and with one for each kind of surface, as its version made it. Where it changes, raise
+# VERSION in glint_addon/nodes/glint_bsdf.py and put the new digests here: groups of saved files are brought up to date
+# only if their version is another.
+BUILT = (14, "363cb87e8e743764", "d772136e207418be", "43a9f829ddb64bfc", "09c03cbf4a28465b", "5eb2e15cb0ddd31c")
 # Of 32-bit floats that Blender stores.
 STEP = 1e-6
 
@@ -43,34 +47,52 @@ def test_the_shader_has_the_default_of_the_colour():
 
 @pytest.mark.parametrize("socket", SETTINGS, ids=lambda socket: socket.name)
 def test_the_operator_offers_the_default_and_the_range_of_the_socket(registered, socket):
-    setting = bpy.ops.glint.add_material.get_rna_type().properties[socket.name.lower()]
+    setting = bpy.ops.glint.add_material.get_rna_type().properties[SETTINGS[socket]]
     default = list(setting.default_array) if setting.is_array else setting.default
-    expected = list(COLOR.default[:3]) if setting.is_array else socket.default
+    expected = list(socket.default[:3]) if setting.is_array else socket.default
     assert default == pytest.approx(expected, abs=STEP)
     assert (setting.hard_min, setting.hard_max) == (socket.low, socket.high)
-    assert (setting.name, setting.description) == (socket.name, socket.setting_help)
+    assert (setting.name, setting.description) == (socket.name, socket.setting_help or socket.help)
 
 
-@pytest.mark.parametrize("socket", SETTINGS, ids=lambda socket: socket.name)
+@pytest.mark.parametrize("socket", NUMBERS, ids=lambda socket: socket.name)
 def test_the_public_function_has_the_default_of_the_socket(socket):
-    default = inspect.signature(create_glint_material).parameters[socket.name.lower()].default
-    assert default == (socket.default[:3] if socket is COLOR else socket.default)
+    assert inspect.signature(create_glint_material).parameters[socket.name.lower()].default == socket.default
 
 
-def test_the_group_has_the_inputs_that_are_declared(scene):
-    items = [item for item in build().interface.items_tree if item.in_out == "INPUT"]
-    assert [(item.name, item.description) for item in items] == [(socket.name, socket.help) for socket in INPUTS]
+@pytest.mark.parametrize("surface", KINDS)
+def test_the_group_has_the_inputs_that_are_declared(scene, surface):
+    inputs = inputs_of(surface)
+    items = [item for item in group_for(MapBinding(surface=surface)).interface.items_tree if item.in_out == "INPUT"]
+    assert [(item.name, item.description) for item in items] == [(socket.name, socket.help) for socket in inputs]
     ranges = {item.name: (item.min_value, item.max_value) for item in items if item.socket_type == "NodeSocketFloat"}
-    assert ranges == {socket.name: (socket.low, socket.high) for socket in NUMBERS}
+    assert ranges == {socket.name: (socket.low, socket.high) for socket in inputs if socket.kind == "NodeSocketFloat"}
 
 
-def test_every_input_reaches_the_shader_and_blenders_own_nodes(scene):
-    group = build()
-    for socket in INPUTS:
+@pytest.mark.parametrize("surface", KINDS)
+def test_every_input_reaches_the_shader_and_blenders_own_nodes(scene, surface):
+    group = group_for(MapBinding(surface=surface))
+    # Where the shader's input has another name than the socket.
+    names = {VECTOR: "UV", **KINDS[surface].sockets}
+    for socket in inputs_of(surface):
         ends = {(link.to_node.bl_idname, link.to_socket.name) for link in group.links
                 if (link.from_node.bl_idname, link.from_socket.name) == ("NodeGroupInput", socket.name)}
-        script = ("ShaderNodeScript", SCRIPT_INPUTS.get(socket.name, socket.name))
+        script = ("ShaderNodeScript", names.get(socket, socket.name))
         assert script in ends and ends > {script}, socket.name
+    assert {(KINDS[surface].node, socket.name) for socket in KINDS[surface].sockets} <= {
+        (link.to_node.bl_idname, link.to_socket.name) for link in group.links}
+
+
+def test_the_sockets_of_a_kind_are_those_of_blenders_node(scene):
+    for surface, kind in KINDS.items():
+        group = group_for(MapBinding(surface=surface))
+        native = group.nodes[SURFACE.node]
+        for socket in kind.sockets:
+            ours, theirs = group.interface.items_tree[socket.name], native.inputs[socket.name]
+            assert ours.socket_type.startswith(theirs.bl_idname), (surface, socket.name)
+            if surface != "TINT":
+                default = theirs.default_value
+                assert socket.default == pytest.approx(default[:] if hasattr(default, "__len__") else default), surface
 
 
 def digest_of(group) -> str:
@@ -85,7 +107,8 @@ def digest_of(group) -> str:
 
 def test_another_group_is_another_version(scene):
     image = bpy.data.images.new("Map", 4, 4, is_data=True)
-    assert (VERSION, digest_of(build()), digest_of(group_for(MapBinding(image)))) == BUILT
+    kinds = [digest_of(group_for(MapBinding(image, surface=surface))) for surface in KINDS]
+    assert (VERSION, digest_of(build()), *kinds) == BUILT
 
 
 def test_the_shader_has_an_input_for_each_output_of_the_lights(scene):

@@ -1,13 +1,16 @@
 """osl/closures.h and the closure of osl/facet.h against their numpy twins: rendered under a sun, nothing is random."""
 
 import numpy as np
+import pytest
 
 from tests.helpers.osl_functions import ROUNDING, ROWS, Inputs, evaluate, unit
 from tests.reference import closures, light_hint
+from tests.reference import facet as facet_twin
 
 HEADERS = ("closures.h",)
 TURNED = (0.2, 0.3, 0.4)
-FACET = "Facet facet; facet.distribution = is_ggx ? \"ggx\" : \"beckmann\"; facet.alpha = alpha;"
+FACET = """Facet facet; facet.distribution = is_ggx ? "ggx" : "beckmann"; facet.alpha = alpha;
+           facet.surface = SURFACE_TINT; facet.tint = color(1.0);"""
 LOBE = ("weight", "p1", "p2", "c11", "c12", "c22")
 # A closure is an exponential of the slopes' squares over alpha's, whose rounding it amplifies; masking adds more.
 CLOSURE = 2e-3
@@ -70,9 +73,47 @@ def test_a_facet_is_a_microfacet_of_its_distribution_without_fresnel():
     view, up = seen()
     given, is_ggx, alpha = given_facet(rng)
     n = given.vectors("vector n", tilted(rng, up))
-    picture = given.reflected(HEADERS, "", FACET + "Result = facet_closure(facet, normal(n));", SUN, rotation=TURNED)
+    body = FACET + "Result = facet_closure(facet, color(0.8), normal(n));"
+    picture = given.reflected(HEADERS, "", body, SUN, rotation=TURNED)
     light = np.broadcast_to(unit(SUN), n.shape)
-    assert_shown(picture, closures.facet_closure(is_ggx, alpha, unit(n), view, light))
+    assert_shown(picture, 0.8 * closures.facet_closure(is_ggx, alpha, unit(n), view, light))
+
+
+def f82_tint(cosine, given):
+    return facet_twin.f82_tint(cosine, np.minimum(given["tint"] * given["factor"], 1), given["edge"])
+
+
+def conductor(cosine, given):
+    return facet_twin.conductor(cosine, given["n"], given["k"])
+
+
+def dielectric(cosine, given):
+    """Real Fresnel reflectance between its value head-on, which is tinted, and 1."""
+    head_on = facet_twin.conductor(1.0, given["n"], 0.0)
+    share = (facet_twin.conductor(cosine, given["n"], 0.0) - head_on) / (1 - head_on)
+    return head_on * given["tint"] * given["factor"] * (1 - share) + share
+
+
+@pytest.mark.parametrize(("surface", "reflectance"), [
+    ("METAL", f82_tint), ("CONDUCTOR", conductor), ("DIELECTRIC", dielectric)])
+def test_a_facet_reflects_as_its_kind_of_surface(surface, reflectance):
+    rng = np.random.default_rng(7)
+    view, _ = seen()
+    light = np.broadcast_to(unit(SUN), view.shape)
+    given = Inputs()
+    n = given.vectors("vector n", unit(view + light))
+    low, high = np.array([[0.1, 0.5, 0.2, 1.1, 0.0], [0.9, 1.5, 1.0, 3.0, 4.0]])
+    names = ("tint", "factor", "edge", "n", "k")
+    columns = given.floats(", ".join(f"float given_{name}" for name in names), rng.uniform(low, high, (ROWS, 5)))
+    body = f"""
+      Facet facet; facet.distribution = "ggx"; facet.alpha = 0.3; facet.surface = SURFACE_{surface};
+      facet.tint = color(given_tint); facet.edge_tint = color(given_edge); facet.ior = vector(given_n);
+      facet.extinction = vector(given_k);
+      Result = surface_closure(facet, 0.6, color(given_factor), normal(n), vector(0), 0.3, 0.3);"""
+    picture = given.reflected(HEADERS, "", body, SUN, rotation=TURNED)
+    bare = closures.facet_closure(np.ones(ROWS, bool), np.full(ROWS, 0.3), unit(n), view, light)
+    cosine = np.einsum("nk,nk->n", unit(view + light), light)
+    assert_shown(picture, 0.6 * bare * reflectance(cosine, dict(zip(names, columns.T, strict=True))))
 
 
 def test_an_element_is_a_microfacet_as_wide_as_its_covariance_makes_it():
@@ -82,9 +123,9 @@ def test_an_element_is_a_microfacet_as_wide_as_its_covariance_makes_it():
     given, is_ggx, alpha = given_facet(rng)
     hint = half_vectors(given, rng, "hint", unit(view + light))
     lobe = give_lobe(given, "lobe", random_lobes(rng))
-    picture = given.reflected(HEADERS, "HalfVector hint; SlopeLobe lobe;",
-                              FACET + "Result = glint_closure(facet, hint, lobe);", SUN, rotation=TURNED)
-    assert_shown(picture, closures.glint_closure(is_ggx, alpha, hint, lobe, view, light))
+    body = FACET + "Result = glint_closure(facet, 0.7, color(0.4), hint, lobe);"
+    picture = given.reflected(HEADERS, "HalfVector hint; SlopeLobe lobe;", body, SUN, rotation=TURNED)
+    assert_shown(picture, 0.7 * 0.4 * closures.glint_closure(is_ggx, alpha, hint, lobe, view, light))
 
 
 def test_merged_cells_reflect_as_those_of_their_facets_that_mirror_the_light():
@@ -154,7 +195,7 @@ def test_a_selection_is_the_sum_of_its_closures_and_of_the_remainder():
     count, merged = given.ints("int count, int merged", numbers).astype(int).T
     total = given.floats("float total", np.where(rng.random(ROWS) < 0.1, 0.0, rng.uniform(50, 100, ROWS)))
     body = FACET + SELECTION
-    call = "selection_closures(query, s, total, facet_closure(facet, normal(n)), costs)"
+    call = "selection_closures(query, s, total, facet_closure(facet, color(1.0), normal(n)), costs)"
     picture = given.reflected(HEADERS, DECLARED, f"{body} Result = {call};", SUN, rotation=TURNED)
 
     expected = closures.facet_closure(is_ggx, alpha, unit(n), view, light)

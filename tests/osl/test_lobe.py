@@ -15,7 +15,7 @@ from glint_addon.lights.kinds import KINDS
 from glint_addon.materials.create import create_glint_material
 from glint_addon.nodes import glint_lights
 from glint_addon.nodes.driven import write_number
-from glint_addon.nodes.map_choices import DISTRIBUTION
+from glint_addon.nodes.map_choices import DISTRIBUTION, SURFACE
 from glint_addon.prepare.scene import prepare_scene
 from tests.helpers import cycles
 from tests.helpers.seeds import rendered_seeds
@@ -64,17 +64,21 @@ def add_light(scene, kind, location, *, target=(0, 0, 0), power=30.0, **settings
     return lamp
 
 
-def pictures_of(scene, thing, image, *, nodes, lobe, **settings):
-    """Renders (seeds, rows, columns) with Blender's nodes and with the lobe; nodes, lobe: (spp, seeds) of each."""
+def pictures_of(scene, thing, image, *, nodes, lobe, channels=False, **settings):
+    """Renders (seeds, rows, columns) with Blender's nodes and with the lobe; nodes, lobe: (spp, seeds) of each.
+
+    channels: whether colours are kept: (seeds, rows, columns, 3).
+    """
     thing.material_slots[0].material = truth_material("Truth", image, **settings)
-    first = series(scene, *nodes)
+    first = series(scene, *nodes, channels=channels)
     thing.material_slots[0].material = create_glint_material("Glint", image, **settings)
     report = prepare_scene(scene)
-    return first, series(scene, *lobe), report
+    return first, series(scene, *lobe, channels=channels), report
 
 
-def series(scene, spp, seeds):
-    return rendered_seeds(scene, spp, seeds)[..., :3].mean(axis=3, dtype=np.float64)
+def series(scene, spp, seeds, *, channels=False):
+    pictures = rendered_seeds(scene, spp, seeds)[..., :3].astype(np.float64)
+    return pictures if channels else pictures.mean(axis=3)
 
 
 def blocks(pictures):
@@ -105,6 +109,34 @@ def test_where_no_hint_is_reached_the_picture_is_blenders_own_at_the_same_seed(i
     nodes, lobe, report = pictures_of(scene, thing, image, nodes=(8, 1), lobe=(8, 1), roughness=0.2,
                                       interpolation=interpolation, distribution=distribution)
     assert len(report["hints"]) == 1
+    np.testing.assert_allclose(lobe, nodes, atol=ROUNDING)
+
+
+# Settings of each kind of surface that show most of it: colours that differ, and much of Fresnel's rise.
+SURFACES = {
+    "TINT": {"color": (0.9, 0.4, 0.1)},
+    "METAL": {"color": (0.9, 0.4, 0.1), "edge_tint": (0.2, 0.9, 0.6)},
+    "CONDUCTOR": {"ior": (0.18, 0.42, 1.37), "extinction": (3.4, 2.3, 1.8)},
+    "DIELECTRIC": {"ior": 1.31, "color": (0.9, 0.4, 0.1)},
+}
+
+
+def test_the_surfaces_are_those_that_there_are():
+    assert tuple(SURFACES) == SURFACE.identifiers
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+@pytest.mark.parametrize("distribution", DISTRIBUTION.identifiers)
+def test_without_a_hint_in_reach_every_surface_is_blenders_own_at_the_same_seed(surface, distribution):
+    if surface == "DIELECTRIC" and distribution != "GGX":
+        return  # Principled BSDF has no other
+    scene, thing, image = stage(interpolation="CLOSEST")
+    sky(scene)
+    add_light(scene, "SUN", (0, 3, -3), power=1e-9, angle=0.01)
+    settings = {"roughness": 0.2, "interpolation": "CLOSEST", "surface": surface, "distribution": distribution,
+                **SURFACES[surface]}
+    nodes, lobe, report = pictures_of(scene, thing, image, nodes=(8, 1), lobe=(8, 1), channels=True, **settings)
+    assert len(report["hints"]) == 1 and np.ptp(nodes.mean(axis=(0, 1, 2))) > 0.01
     np.testing.assert_allclose(lobe, nodes, atol=ROUNDING)
 
 
@@ -162,6 +194,19 @@ def test_every_kind_of_light_has_the_right_mean(light, distribution):
                                       distribution=distribution)
     assert report["hints"]
     assert_same_mean(nodes, lobe)
+
+
+@pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
+@pytest.mark.parametrize("surface", [name for name in SURFACES if name != "TINT"])
+def test_every_surface_has_the_right_mean_in_each_channel(surface, interpolation):
+    scene, thing, image = stage(interpolation=interpolation)
+    add_light(scene, "SUN", (0, 3, 0.6), power=1.0, angle=0.05)  # low, where Fresnel's reflectance rises
+    nodes, lobe, report = pictures_of(scene, thing, image, nodes=NODES, lobe=LOBE, roughness=0.25, channels=True,
+                                      interpolation=interpolation, surface=surface, distribution="GGX",
+                                      **SURFACES[surface])
+    assert report["hints"]
+    for channel in range(3):
+        assert_same_mean(nodes[..., channel], lobe[..., channel])
 
 
 CONES = {

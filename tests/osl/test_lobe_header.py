@@ -17,7 +17,8 @@ HEADERS = ("lobe.h",)
 SIZE = (16, 16)
 SUN = np.array([0.6, -0.1, 1.0])  # near the plane's normal
 CLOSURE = 4e-3  # slopes turn by places in float32, and closures amplify that: see test_closures_header.py
-FACET = "Facet facet; facet.distribution = is_ggx ? \"ggx\" : \"beckmann\"; facet.alpha = alpha;"
+FACET = """Facet facet; facet.distribution = is_ggx ? "ggx" : "beckmann"; facet.alpha = alpha;
+           facet.surface = SURFACE_TINT; facet.tint = color(1.0);"""
 
 
 class Stage:
@@ -49,7 +50,7 @@ class Stage:
           Hit hit = map_hit(map, point(across, up, 0));
           map.costs = no_costs();
           Selection s = new_selection(25, 1, facet);
-          closure color plain = facet_closure(facet, normal(normalize(frame_to_world(frame, hit.n))));
+          closure color plain = facet_closure(facet, color(1.0), normal(normalize(frame_to_world(frame, hit.n))));
         """
         seen = self.seen = surface()
         still = np.zeros((6, ROWS, 3))
