@@ -9,7 +9,8 @@ for Texture Mapping", SIGGRAPH 1984). Blocks of several sizes let a footprint of
 * Blocks: of side B = 32, 64, ... texels (Closest) or 16, 32, ... (Linear), in groups of 2 x 2, up to the side where
   one group is the whole map. The sides are stretched so that whole groups fill the map, whatever its size.
 * Slope: (n.x / n.z, n.y / n.z) of the map's normals, without Strength. Normals with n.z <= 0 and slopes outside the box
-  (see `slope_box`) are not counted: the shader meets them at random, in its remainder.
+  (see `slope_box`) are not counted: the shader meets them at random, in its remainder. Nor are texels that are no
+  flakes, whose normal is 0.
 
 Layout (read by osl/counts.h; a test compares the constants): an RGBA float32 OpenEXR file, both sides powers of two,
 because Cycles fetches exactly only at (i + 0.5) / 2^n. Texel t of the list lies at column t % width, row t / width, row

@@ -89,8 +89,34 @@ def _refuse(unusable: int, without_direction: int, faces_up: bool, name: str):
         )
 
 
+def flake_normals(normals: np.ndarray, presence: np.ndarray, *, name: str = "presence") -> np.ndarray:
+    """The normals of flakes alone, float32 (height, width, 3): (0, 0, 0) at texels that are no flakes.
+
+    normals: (height, width, 3) of `decoded_normals`, none of which is 0; presence: bool (height, width), true at
+    flakes. All tables leave out texels of normal 0. `name` is the presence image's, for messages. Raises MapError if
+    the shapes differ or no texel is a flake.
+    """
+    if presence.shape != normals.shape[:2]:
+        (height, width), (rows, columns) = normals.shape[:2], presence.shape
+        raise MapError(
+            f'Presence image "{name}" has {columns} x {rows} pixels, and its normal map {width} x {height}: '
+            "scale one of them to the size of the other."
+        )
+    if not presence.any():
+        raise MapError(
+            f'Presence image "{name}" has no flake, because no pixel is brighter than 0.5: choose an image that is '
+            "white where flakes are."
+        )
+    return np.where(presence[..., None], normals, np.float32(0))
+
+
+def are_flakes(normals: np.ndarray) -> np.ndarray:
+    """Which texels of `flake_normals`, or of any part of them, are flakes: bool, of the shape without the last axis."""
+    return normals.any(axis=-1)
+
+
 def slope_bounds(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest slope (n.x / n.z, n.y / n.z) over the map, as two float32 arrays (2,).
+    """Smallest and largest slope (n.x / n.z, n.y / n.z) over the map's flakes, as two float32 arrays (2,).
 
     Slopes of interpolated normals stay inside too, because they are convex combinations. Where n.z is above 1, which
     only float images hold, n.x and n.y themselves count too: strengths below 1 come nearer to these. If any normal
@@ -98,9 +124,14 @@ def slope_bounds(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     low, high = np.full(2, np.inf, np.float32), np.full(2, -np.inf, np.float32)
     for first in range(0, len(normals), ROWS):
-        x, y, z = np.moveaxis(normals[first : first + ROWS], -1, 0)
+        rows = normals[first : first + ROWS]
+        x, y, z = np.moveaxis(rows, -1, 0)
         if not (z > 0.0).all():
-            return -np.full(2, np.inf, np.float32), np.full(2, np.inf, np.float32)
+            x, y, z = rows[are_flakes(rows)].T
+            if not (z > 0.0).all():
+                return -np.full(2, np.inf, np.float32), np.full(2, np.inf, np.float32)
+            if not len(z):
+                continue
         heights = (z, np.minimum(z, 1.0)) if (z > 1.0).any() else (z,)
         for axis, across in enumerate((x, y)):
             for height in heights:

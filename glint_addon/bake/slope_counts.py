@@ -23,7 +23,7 @@ def slope_box(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Low and high corner, float32 (2,) each, of the box of slopes that are counted.
 
     normals: (height, width, 3) of `decoded_normals`. Of the normals above the horizon the box holds all slopes but the
-    part OUTERMOST on each side of each axis.
+    part OUTERMOST on each side of each axis. Texels that are no flakes have no slope.
     """
     z = normals[..., 2]
     ends = np.empty((2, 2))

@@ -8,16 +8,17 @@ nothing is rounded. Smooth maps (Linear) have none: decision 71.
 
 * Blocks: SIDE x SIDE texels, the last of a row or column cut off at the map's edge.
 * Cells: ROWS x COLUMNS over the slopes of the block (n.x / n.z, n.y / n.z), without Strength; slopes beyond these fall
-  into the outermost cells. Normals below the horizon and steep normals are the tail, which is always visited.
+  into the outermost cells. Normals below the horizon and steep normals are the tail, which is always visited. Texels
+  that are no flakes, whose normal is 0, are in neither.
 
 Layout (read by osl/slope_index.h; a test compares the constants): an RGBA float32 OpenEXR file, both sides powers of
 two, texel t at column t % width, row t / width, row 0 at the bottom. Block (i, j) has RECORD texels from
 RECORD (j columns + i) on:
 
 * texel 0: low slope u, low slope v, cells per slope along u and along v;
-* texel 1: 1, smallest n.z of what is in cells, number of texels in cells, MAGIC. A file stores the channels of a row
-  one after the other, so any may be lost by itself, and is 0 then: 1, smallest n.z, cells per slope along u and MAGIC,
-  one of each channel, are more than 0 in all that is whole;
+* texel 1: 1 plus the number of texels that are no flakes, smallest n.z of what is in cells, number of texels in cells,
+  MAGIC. A file stores the channels of a row one after the other, so any may be lost by itself, and is 0 then: the first
+  number, smallest n.z, cells per slope along u and MAGIC, one of each channel, are more than 0 in all that is whole;
 * texels 2..127: for each cell, row by row, how many texels lie in the cells before it, four to a texel;
 * texels 128..255: the texels, cell by cell, then the tail: row SIDE + column within the block; two to a float (the
   second times SIDE^2), eight to a texel.
@@ -31,6 +32,7 @@ from pathlib import Path
 import numpy as np
 
 from .float_image import is_whole, list_shape, table_file_name, write_whole
+from .normal_map import are_flakes
 from .progress import Steps
 from .slope_counts import LARGEST_SLOPE
 
@@ -106,7 +108,8 @@ def _row_records(normals: np.ndarray) -> np.ndarray:
     listed = (z > 0) & (np.abs(slopes) <= LARGEST_SLOPE).all(axis=0)
 
     # (blocks, SIDE^2) of each, row by row within a block; beyond the map's edge nothing is present.
-    present = _by_blocks(np.ones((rows, width), bool), count)
+    present = _by_blocks(are_flakes(normals), count)
+    absent = _by_blocks(~are_flakes(normals), count).sum(axis=1)
     listed = _by_blocks(listed, count)
     slopes = np.stack([_by_blocks(part, count) for part in slopes])
 
@@ -124,11 +127,13 @@ def _row_records(normals: np.ndarray) -> np.ndarray:
     cell[~listed] = CELLS
     cell[~present] = CELLS + 1
 
-    return _records(cell, start, scale, np.where(listed, _by_blocks(z, count), np.inf).min(axis=1))
+    return _records(cell, start, scale, np.where(listed, _by_blocks(z, count), np.inf).min(axis=1), absent)
 
 
-def _records(cell: np.ndarray, start: np.ndarray, scale: np.ndarray, least_z: np.ndarray) -> np.ndarray:
-    """Pack the records. cell: int (blocks, SIDE^2), CELLS for the tail, CELLS + 1 for nothing."""
+def _records(
+    cell: np.ndarray, start: np.ndarray, scale: np.ndarray, least_z: np.ndarray, absent: np.ndarray
+) -> np.ndarray:
+    """Pack the records. cell: int (blocks, SIDE^2), CELLS for the tail, CELLS + 1 for nothing; absent: (blocks,)."""
     count = len(cell)
     keys = (np.arange(count)[:, None] * (CELLS + 2) + cell).reshape(-1)
     found = np.bincount(keys, minlength=count * (CELLS + 2)).reshape(count, CELLS + 2)
@@ -137,7 +142,7 @@ def _records(cell: np.ndarray, start: np.ndarray, scale: np.ndarray, least_z: np
     records = np.zeros((count, RECORD, 4), np.float32)
     records[:, 0] = np.stack([*start, *scale], axis=1)
     records[:, 1] = np.stack(
-        [np.ones(count), np.minimum(least_z, 1), before[:, CELLS], np.full(count, MAGIC)], axis=1)
+        [1 + absent, np.minimum(least_z, 1), before[:, CELLS], np.full(count, MAGIC)], axis=1)
     records[:, FIRST_PREFIX:FIRST_ELEMENT] = before[:, :CELLS].reshape(count, -1, 4)
     records[:, FIRST_ELEMENT:] = (order[:, ::2] + SIDE * SIDE * order[:, 1::2]).reshape(count, -1, 4)
     return records

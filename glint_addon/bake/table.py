@@ -3,7 +3,7 @@
 Layout (read by osl/table.h; a test compares the constants): an RGBA float32 OpenEXR file, both sides padded to powers
 of two, because Cycles fetches exactly only at (i + 0.5) / 2^n.
 
-* RGB of texel (i, j), row 0 at the bottom: the decoded tangent-space normal.
+* RGB of texel (i, j), row 0 at the bottom: the decoded tangent-space normal; (0, 0, 0) where the texel is no flake.
 * Alpha: for Linear, the largest radius of the four bilinear patches that touch the texel (a patch lies between a texel
   and its right and upper neighbours; the map repeats), a patch's radius being the distance of its farthest corner from
   their mean. So one fetch in the middle of a patch, where Cycles interpolates, gives bounds of the patch: RGB is the
