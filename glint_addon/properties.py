@@ -35,6 +35,10 @@ COPY_OF = "glint_copy_of"  # full name of the original
 COPY_STATE = "glint_copy_state"  # `image_state` of the original when it was copied
 COPY_CONTENT = "glint_copy_content"  # what the copy itself held then, which tells whether it was given other pixels
 
+# On an object that shows a "Glint Scale": metres that one unit of its active UV map covers, divided by the object's
+# mean scale; of other UV maps too, under this name and a digest of theirs.
+UV_METRES = "glint_uv_metres"
+
 # On a scene.
 HOLDER = "glint_lights"  # pointer to the data-block with its lights
 PREPARED = "glint_prepared"  # digest and JSON of its facts when it was prepared

@@ -16,6 +16,7 @@ from ..seen.coordinates import largest_texel_area, uv_transforms
 from ..seen.footprints import rigid_mesh
 from ..seen.scene_views import SceneViews
 from ..seen.surface import pixels_filled
+from ..seen.uv_size import metres_rendered
 from .families import Family
 from .patches import patches_over
 
@@ -54,7 +55,7 @@ def _texels_a_footprint(
     matrices = places(thing, views.frames)
     if mesh is None or surface is None or matrices is None:
         return inf
-    density = max((_texel_density(mesh, matrices[0, :3, :3], material, group)
+    density = max((_texel_density(thing, mesh, matrices[0, :3, :3], material, group)
                    for material in materials for group in groups), default=inf)
     if density == inf:
         return inf
@@ -70,10 +71,14 @@ def _texels_a_footprint(
 
 
 def _texel_density(
-    mesh: bpy.types.Mesh, matrix: np.ndarray, material: bpy.types.Material, group: bpy.types.ShaderNodeTree
+    thing: bpy.types.Object,
+    mesh: bpy.types.Mesh,
+    matrix: np.ndarray,
+    material: bpy.types.Material,
+    group: bpy.types.ShaderNodeTree,
 ) -> float:
-    """Most texels per square metre of a material's map on a mesh; inf: who knows. matrix: (3, 3), mesh to world."""
-    largest, transforms = 0.0, uv_transforms(material, group)
+    """Most texels per square metre of a material's map on an object's mesh; inf: who knows. matrix (3, 3): to world."""
+    largest, transforms = 0.0, uv_transforms(material, group, metres_rendered(thing, mesh, matrix))
     if transforms is None:
         return inf
     scale = np.diag(np.asarray(MapTables.of(group).size, float))

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..animation.motion import has_rigid_box
 from ..animation.places import is_still, places
-from ..seen.coordinates import evaluated_mesh
+from ..seen.meshes import evaluated_mesh
 from ..seen.scene_views import SceneViews
 from ..seen.surface import PatchesOver, surface_patches
 

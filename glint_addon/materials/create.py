@@ -18,6 +18,7 @@ from ..images import (
     remove_unused_copies,
     sequence_frames,
 )
+from ..nodes import scale as scale_group
 from ..nodes.builder import add_node, arrange, version_of
 from ..nodes.glint_bsdf import (
     BSDF,
@@ -48,6 +49,7 @@ def create_glint_material(
     strength=STRENGTH.default,
     uv_map="",
     extension=EXTENSION.default,
+    scale=None,
     surface=SURFACE.default,
     edge_tint=None,
     ior=None,
@@ -59,7 +61,8 @@ def create_glint_material(
     roughness 0..1 of a single facet (alpha is its square); distribution 'BECKMANN' or 'GGX'; interpolation 'LINEAR' or
     'CLOSEST'; convention 'OPENGL' (+Y) or 'DIRECTX' (-Y); strength scales the slopes; uv_map "" is
     the active render UV map; extension 'REPEAT', 'EXTEND', 'CLIP' or 'MIRROR', as of an Image Texture node: all but
-    the first are as noisy as Blender's own nodes where a footprint meets the map's edge, and beyond.
+    the first are as noisy as Blender's own nodes where a footprint meets the map's edge, and beyond; scale is the width
+    in metres of one repeat, None repeats the map as the UV map says.
     surface: what facets are made of, as the BSDF node that follows Image Texture -> Normal Map: 'TINT' is Glossy BSDF
     of `color`; 'METAL' Metallic BSDF of base colour `color` and `edge_tint`; 'CONDUCTOR' Metallic BSDF of `ior` and
     `extinction`, three numbers each; 'DIELECTRIC' the reflection of Principled BSDF of `ior` and specular tint `color`,
@@ -68,6 +71,7 @@ def create_glint_material(
     Raises MapError or ShaderError, and then leaves nothing behind. Call `prepare_scene` before rendering.
     """
     _check_values(name, roughness, strength, uv_map)
+    _check_scale(name, scale)
     values = surface_values(name, surface, metal=metal, color=color, edge_tint=edge_tint, ior=ior,
                             extinction=extinction)
     reading = MapBinding(None, interpolation, convention, distribution, uv_map, extension, surface=surface)
@@ -77,6 +81,8 @@ def create_glint_material(
         material = bpy.data.materials.new(name)
         values |= {ROUGHNESS.name: roughness, STRENGTH.name: strength}
         _add_surface(material, group, values, uv_map)
+        if scale is not None:
+            _add_scale(material, uv_map, scale)
     except Exception:
         bpy.data.batch_remove(_data_blocks() - before)
         raise
@@ -107,6 +113,12 @@ def _check_values(name, roughness, strength, uv_map):
     for value, what in ((name, "Name"), (uv_map, "UV map")):
         if not isinstance(value, str):
             raise MapError(f"{what} {value} of glint material {name} is no text: give its name.")
+
+
+def _check_scale(name, scale):
+    """Refuse a width of a repeat that is none."""
+    if scale is not None and not (isinstance(scale, Real) and 0.0 < scale < float("inf")):
+        raise MapError(f"Scale {scale} of glint material {name} is no width: use metres above 0, or None.")
 
 
 def _data_blocks() -> set:
@@ -155,4 +167,17 @@ def _add_surface(material, group, values, uv_map):
     output = add_node(tree, "ShaderNodeOutputMaterial")
     tree.links.new(coordinates.outputs["UV"], surface.inputs[VECTOR.name])
     tree.links.new(surface.outputs[BSDF.name], output.inputs["Surface"])
+    arrange(tree)
+
+
+def _add_scale(material, uv_map, scale):
+    """Let one repeat of the map be `scale` metres wide: a Glint Scale, which has a UV Map node, replaces the other."""
+    tree = material.node_tree
+    coordinates = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeUVMap")
+    inputs = [link.to_socket for link in coordinates.outputs["UV"].links]
+    group = scale_group.group_for(uv_map)
+    sized = add_node(tree, "ShaderNodeGroup", scale_group.NAME, node_tree=group, inputs={scale_group.SCALE.name: scale})
+    for socket in inputs:
+        tree.links.new(sized.outputs[scale_group.COORDINATES.name], socket)
+    tree.nodes.remove(coordinates)
     arrange(tree)

@@ -7,6 +7,7 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, StringProperty
 
 from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH
+from ..nodes.scale import SCALE
 from ..nodes.surface_kinds import COLOR, EDGE_TINT, EXTINCTION, IOR, IORS, METALS
 from .failing_softly import FailsSoftly
 from .map_settings import MapSettings, check_uv_map
@@ -49,6 +50,9 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
     ior_rgb: FloatVectorProperty(**setting_of(IORS))
     extinction: FloatVectorProperty(**setting_of(EXTINCTION))
 
+    scale: FloatProperty(name=SCALE.name, description=SCALE.setting_help, min=SCALE.low, default=0.0,
+                         subtype=SCALE.subtype)
+
     @classmethod
     def poll(cls, context):
         target = context.object
@@ -72,6 +76,7 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
     def run(self, context):
         """Make the material and assign it."""
         from ..materials.create import create_glint_material
+        from ..prepare.real_size import write_object_sizes
 
         target = context.object
         check_uv_map(target, self.uv_map, context)
@@ -81,10 +86,12 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
             normal_map,
             roughness=self.roughness,
             strength=self.strength,
+            scale=self.scale or None,
             **self.reading(),
             **self._of_surface(),
         )
         assign(target, material)
+        write_object_sizes(target, context.evaluated_depsgraph_get(), material)
         # The pick is spent: the next material starts with an empty field.
         context.scene.glint.normal_map = None
         self.report({"INFO"}, f'Gave "{material.name}" to {target.name}: press Prepare Glints before rendering')
@@ -101,7 +108,7 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
         """Settings in the Adjust Last Operation panel."""
         layout = self.layout
         layout.use_property_split = True
-        for name in ("name", "roughness", "strength"):
+        for name in ("name", "roughness", "strength", "scale"):
             layout.prop(self, name)
         self.draw_map(context)
         if self.surface in OF_METAL:

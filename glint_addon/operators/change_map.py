@@ -6,6 +6,8 @@ from ..nodes.builder import COLUMN_WIDTH
 from ..nodes.glint_bsdf import VECTOR, group_binding, is_glint_group
 from ..nodes.map_binding import MapBinding, map_of
 from ..nodes.places import count_of, keep_count
+from ..nodes.scale import group_for as scale_group_for
+from ..nodes.scale import is_scale_group
 from .failing_softly import FailsSoftly
 from .map_settings import MapSettings, check_uv_map
 
@@ -94,7 +96,7 @@ def glint_nodes(material) -> list:
 
 
 def follow_uv_map(node, uv_map: str):
-    """Let the UV Map node that feeds `node`, if there is one, read the UV map of the tangents.
+    """Let the UV Map or Glint Scale node that feeds `node`, if there is one, read the UV map of the tangents.
 
     Where nothing is connected it is the active one; another needs a node.
     """
@@ -107,3 +109,5 @@ def follow_uv_map(node, uv_map: str):
     for link in vector.links:
         if link.from_node.bl_idname == "ShaderNodeUVMap":
             link.from_node.uv_map = uv_map
+        elif is_scale_group(getattr(link.from_node, "node_tree", None)) and not link.from_node.inputs[0].is_linked:
+            link.from_node.node_tree = scale_group_for(uv_map)

@@ -24,6 +24,7 @@ from .light_sets import connect_lights
 from .map_bake import DecodedMap, bake_plan
 from .map_plans import MapPlan, map_plans, named_levels
 from .memory import DEFAULT_BUDGET
+from .real_size import write_sizes
 from .report import Report
 from .scene_warnings import device, reads_scene, scene_warnings
 from .shading_system import LEFT_OFF, LEFT_ON, ONE_FILE, choose_shading_system, is_on, runs_lobe
@@ -72,6 +73,7 @@ def preparation(
     # What is linked from another file cannot be changed here, but it looks for the lights of the scene being rendered.
     lit = {group: pairs for group, pairs in found.items() if group.library is None or reads_scene(group)}
     if not lit and not mip_levels.shows_mip_levels():
+        write_sizes(scene, found)
         return report
 
     # Bake first: all that can fail happens before the scene is touched.
@@ -87,6 +89,7 @@ def preparation(
 
     others_look = runs_lobe(scene) and _other_files_look(found, lit)
     exact_materials = {material.name for pairs in exact.values() for _, material in pairs}
+    write_sizes(scene, found)
     _use_tables(baked)
     footprints |= {group: (plan.size, plan.footprints) for plan, _ in baked for group in plan.groups}
     choose_ways(scene, [group for group in lit if group.library is None], footprints)

@@ -8,6 +8,7 @@ from ..nodes.glint_bsdf import lights_of
 from ..nodes.glint_lights import set_of
 from ..nodes.map_tables import MapTables
 from ..nodes.script_node import osl_available
+from .real_size import size_warnings
 from .shading_system import ENGINES, NO_OSL, ON_GPU
 from .stored_tables import is_missing
 from .uses import Uses, shown_map, unknown_materials
@@ -15,7 +16,8 @@ from .uses import Uses, shown_map, unknown_materials
 
 def scene_warnings(scene: bpy.types.Scene, uses: Uses) -> list[str]:
     """Sentences on settings, maps and materials. uses: {group: [(object, material), ...]} of all groups shown."""
-    return _setting_warnings(scene) + _missing_maps(uses) + _hidden_warnings(scene) + _linked_warnings(uses)
+    return (_setting_warnings(scene) + _missing_maps(uses) + _hidden_warnings(scene) + _linked_warnings(uses)
+            + size_warnings(scene, uses))
 
 
 def device(scene: bpy.types.Scene) -> str:

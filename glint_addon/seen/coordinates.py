@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import bpy
 import numpy as np
 from mathutils import Euler
 
 from ..materials.find import held_groups
+from ..nodes import scale
 from ..nodes.glint_bsdf import VECTOR
+from .meshes import corner_uvs, triangle_corners
 
 # Part of a surface that is ignored at either end of its densities: slivers, and the poles of a sphere's UV map.
 OUTERMOST_AREA = 0.01
@@ -16,11 +21,25 @@ OUTERMOST_AREA = 0.01
 LARGEST_STRETCH = 2.0
 
 
-def uv_transforms(material: bpy.types.Material, group: bpy.types.ShaderNodeTree) -> list[tuple[str, np.ndarray]] | None:
+@dataclass
+class _Way:
+    """The nodes between a UV map and an input. matrix: (3, 3), of the Mapping nodes and of what a Glint Scale divides
+    by; measured: the UV map whose metres a Glint Scale multiplies by, None without such a node; uv_map: None where the
+    nodes do not say."""
+
+    matrix: np.ndarray
+    measured: str | None = None
+    uv_map: str | None = None
+
+
+def uv_transforms(
+    material: bpy.types.Material, group: bpy.types.ShaderNodeTree, metres: Callable[[str], float]
+) -> list[tuple[str, np.ndarray]] | None:
     """How `material` places the map of `group`: [(name of the UV map, (2, 2) matrix, UVs to map coordinates), ...].
 
-    "" is the UV map that is active for rendering. None where the nodes do not say: other coordinates, animated nodes or
-    nodes of other kinds, a group inside another group.
+    metres: function (name of a UV map) of an object, metres of the scene that one unit of it covers there, for
+    materials with a Glint Scale. "" is the UV map that is active for rendering. None where the nodes do not say: other
+    coordinates, animated nodes or nodes of other kinds, a group inside another group.
     """
     tree = material.node_tree
     if tree.animation_data is not None or tree.library is not None:
@@ -30,40 +49,59 @@ def uv_transforms(material: bpy.types.Material, group: bpy.types.ShaderNodeTree)
         if node.bl_idname != "ShaderNodeGroup" or node.node_tree is None:
             continue
         if node.node_tree == group:
-            socket = node.inputs.get(VECTOR.name)
-            if socket is None:
+            way = _way_to(node)
+            if way.uv_map is None:
                 return None
-            # An input without a link reads the active UV map, as of every texture.
-            placed = _uv_transform(socket) if socket.is_linked else ("", np.eye(2))
-            if placed is None:
-                return None
-            found.append(placed)
+            size = 1.0 if way.measured is None else metres(way.measured)
+            found.append((way.uv_map, size * way.matrix[:2, :2]))
         elif group in held_groups(node.node_tree):
             return None
     return found or None
 
 
-def _uv_transform(socket: bpy.types.NodeSocket) -> tuple[str, np.ndarray] | None:
-    """The UV map and the matrix that end at a Vector input, through Reroute and Mapping nodes; else None."""
-    matrix = np.eye(3)
-    while len(socket.links) == 1:
-        link = socket.links[0]
-        node = link.from_node
-        if node.mute or link.is_muted:
-            return None
-        if node.bl_idname == "ShaderNodeUVMap" and not node.from_instancer:
-            return node.uv_map, matrix[:2, :2]
-        if node.bl_idname == "ShaderNodeTexCoord" and link.from_socket.name == "UV" and not node.from_instancer:
-            return "", matrix[:2, :2]
-        if node.bl_idname == "NodeReroute":
-            socket = node.inputs[0]
-            continue
-        own = _mapping_matrix(node) if node.bl_idname == "ShaderNodeMapping" else None
-        if own is None:
-            return None
-        matrix = matrix @ own
-        socket = node.inputs["Vector"]
+def _way_to(node: bpy.types.Node) -> _Way:
+    """What is between a UV map and the Vector input of a node."""
+    socket, way = node.inputs.get(VECTOR.name), _Way(np.eye(3))
+    if socket is not None and not socket.is_linked:
+        way.uv_map = ""  # an input without a link reads the active UV map, as of every texture
+    while socket is not None and way.uv_map is None:
+        socket = _step_back(socket, way)
+    return way
+
+
+def _step_back(socket: bpy.types.NodeSocket, way: _Way) -> bpy.types.NodeSocket | None:
+    """Add the node that is linked to an input to `way`; its own input, None at a UV map and at nodes of other kinds."""
+    if len(socket.links) != 1:
+        return None
+    link = socket.links[0]
+    node = link.from_node
+    if node.mute or link.is_muted:
+        return None
+    if node.bl_idname == "ShaderNodeUVMap" and not node.from_instancer:
+        way.uv_map = node.uv_map
+    elif node.bl_idname == "ShaderNodeTexCoord" and link.from_socket.name == "UV" and not node.from_instancer:
+        way.uv_map = ""
+    elif node.bl_idname == "NodeReroute":
+        return node.inputs[0]
+    elif node.bl_idname == "ShaderNodeMapping" and (own := _mapping_matrix(node)) is not None:
+        way.matrix = way.matrix @ own
+        return node.inputs["Vector"]
+    elif node.bl_idname == "ShaderNodeGroup" and scale.is_scale_group(node.node_tree) and _add_scale(node, way):
+        if node.inputs[scale.VECTOR.name].is_linked:
+            return node.inputs[scale.VECTOR.name]
+        way.uv_map = scale.uv_map_of(node.node_tree)
     return None
+
+
+def _add_scale(node: bpy.types.Node, way: _Way) -> bool:
+    """Add a Glint Scale node to `way`; whether that can be told."""
+    width = node.inputs[scale.SCALE.name]
+    if width.is_linked or way.measured is not None:
+        return False
+    if width.default_value > 0.0:  # else the UV map stays as it is
+        way.matrix = way.matrix / width.default_value
+        way.measured = scale.uv_map_of(node.node_tree)
+    return True
 
 
 def _mapping_matrix(node: bpy.types.Node) -> np.ndarray | None:
@@ -92,15 +130,15 @@ def texel_densities(
     smallest, largest, area = found
     seen_at_an_angle = np.minimum(largest, LARGEST_STRETCH * smallest)
     return (
-        _quantile(smallest, area, OUTERMOST_AREA),
-        _quantile(seen_at_an_angle, area, 1.0 - OUTERMOST_AREA),
+        quantile(smallest, area, OUTERMOST_AREA),
+        quantile(seen_at_an_angle, area, 1.0 - OUTERMOST_AREA),
     )
 
 
 def largest_texel_area(mesh: bpy.types.Mesh, matrix: np.ndarray, uv_map: str, transform: np.ndarray) -> float | None:
     """Most texels per square metre of a mesh without its outermost pieces, or None; arguments as for `texel_axes`."""
     found = texel_axes(mesh, matrix, uv_map, transform)
-    return None if found is None else _quantile(found[0] * found[1], found[2], 1.0 - OUTERMOST_AREA)
+    return None if found is None else quantile(found[0] * found[1], found[2], 1.0 - OUTERMOST_AREA)
 
 
 def texel_axes(
@@ -111,14 +149,11 @@ def texel_axes(
     matrix: (3, 3), mesh to world; transform: (2, 2), UVs of the UV map `uv_map` to texels. Degenerate triangles are
     left out. None without that UV map, or where all of it is degenerate.
     """
-    layers = [layer for layer in mesh.uv_layers if layer.name == uv_map or not uv_map and layer.active_render]
-    if not layers:
+    uvs = corner_uvs(mesh, uv_map)
+    if uvs is None:
         return None
-    mesh.calc_loop_triangles()
-    loops = _values(mesh.loop_triangles, "loops", np.int32).reshape(-1, 3)
-    corners = _values(mesh.loop_triangles, "vertices", np.int32).reshape(-1, 3)
-    places = vertices(mesh)[corners] @ np.asarray(matrix, float).T
-    texels = _values(layers[0].uv, "vector", np.float32).reshape(-1, 2).astype(float)[loops] @ np.asarray(transform).T
+    places = triangle_corners(mesh) @ np.asarray(matrix, float).T
+    texels = uvs @ np.asarray(transform).T
 
     # Find the singular values of texels by metres from traces and determinants of 2 x 2 matrices.
     sides = places[:, 1:] - places[:, :1]
@@ -137,35 +172,8 @@ def texel_axes(
     return product / largest, largest, area
 
 
-def vertices(mesh: bpy.types.Mesh) -> np.ndarray:
-    """Places (n, 3) of a mesh's vertices, in its own space."""
-    return _values(mesh.vertices, "co", np.float32).reshape(-1, 3).astype(float)
-
-
-def face_planes(mesh: bpy.types.Mesh, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Outward normals (n, 3) and centres (n, 3) of at most about `count` faces, spread over the mesh."""
-    step = max(len(mesh.polygons) // count, 1)
-    normals, centres = (_values(mesh.polygons, name, np.float32).reshape(-1, 3) for name in ("normal", "center"))
-    return normals[::step].astype(float), centres[::step].astype(float)
-
-
-def evaluated_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bpy.types.Mesh | None:
-    """The mesh of an object with its modifiers, or None if the view layer has none to give."""
-    evaluated = thing.evaluated_get(depsgraph)
-    if thing.modifiers and not evaluated.is_evaluated:
-        return None
-    return evaluated.data if len(evaluated.data.polygons) else None
-
-
-def _values(collection: bpy.types.bpy_prop_collection, name: str, kind: type[np.generic]) -> np.ndarray:
-    """A property of two (UVs) or three numbers of all members, in one row."""
-    values = np.empty(len(collection) * (2 if name == "vector" else 3), kind)
-    collection.foreach_get(name, values)
-    return values
-
-
-def _quantile(values: np.ndarray, weights: np.ndarray, part: float) -> float:
-    """The value below which `part` of the weights lie."""
+def quantile(values: np.ndarray, weights: np.ndarray, part: float) -> float:
+    """The value of `values` (n,) below which `part` of the weights lie."""
     order = np.argsort(values)
     below = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(below, part * below[-1]).clip(0, len(order) - 1)])

@@ -18,8 +18,10 @@ from ..bake.counts import counts_levels
 from ..nodes.places import FOOTPRINT_EXPONENT, FOOTPRINT_SCALE
 from .boxes import depth_range, is_inside
 from .cameras import CameraView, all_camera_views
-from .coordinates import evaluated_mesh, face_planes, texel_densities, uv_transforms, vertices
+from .coordinates import texel_densities, uv_transforms
+from .meshes import evaluated_mesh, face_planes, vertices
 from .mirrors import has_mirrors, renders_mirrors
+from .uv_size import metres_rendered
 
 # Largest side of a block, in short semi-axes of the footprint, for which the shader reads counts: osl/counts.h. Up to
 # FAR_SIDE_SUBSET where other answers are worse, and up to FAR_SIDE_LONG where too many blocks lie under a footprint.
@@ -60,10 +62,12 @@ def footprint_range(
         return EVERYTHING
     ranges = []
     for thing, material in dict.fromkeys(uses):
-        places = uv_transforms(material, group)
         mesh = rigid_mesh(scene, thing)
         matrices = poses(thing, frames)
-        if places is None or mesh is None or matrices is None or not _is_rigid(matrices):
+        if mesh is None or matrices is None or not _is_rigid(matrices):
+            return EVERYTHING
+        places = uv_transforms(material, group, metres_rendered(thing, mesh, matrices[0, :3, :3]))
+        if places is None:
             return EVERYTHING
         seen = _distinct_pairs(cameras, matrices)
         from_within = any(is_inside(view, thing, matrix) for view, matrix in seen)

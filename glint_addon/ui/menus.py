@@ -1,4 +1,5 @@
-"""Entries in the Shader Editor's Add menu: BSDFs under Shader, lights under Input, all others under Texture."""
+"""Entries in the Shader Editor's Add menu: BSDFs under Shader, lights under Input, scale under Vector, all others under
+Texture."""
 
 import bpy
 
@@ -17,7 +18,12 @@ def draw_shaders(menu, context):
 
 def draw_textures(menu, context):
     """Add > Texture."""
-    _draw(menu, [name for name in GROUPS if not name.endswith(("Lights", "BSDF"))])
+    _draw(menu, [name for name in GROUPS if not name.endswith(("Lights", "BSDF", "Scale"))])
+
+
+def draw_vectors(menu, context):
+    """Add > Vector."""
+    _draw(menu, [name for name in GROUPS if name.endswith("Scale")])
 
 
 def _draw(menu, names):
@@ -35,10 +41,12 @@ def register():
     bpy.types.NODE_MT_category_shader_input.append(draw_inputs)
     bpy.types.NODE_MT_category_shader_shader.append(draw_shaders)
     bpy.types.NODE_MT_category_shader_texture.append(draw_textures)
+    bpy.types.NODE_MT_category_shader_vector.append(draw_vectors)
 
 
 def unregister():
     """Remove the entries."""
+    bpy.types.NODE_MT_category_shader_vector.remove(draw_vectors)
     bpy.types.NODE_MT_category_shader_texture.remove(draw_textures)
     bpy.types.NODE_MT_category_shader_shader.remove(draw_shaders)
     bpy.types.NODE_MT_category_shader_input.remove(draw_inputs)

@@ -11,6 +11,7 @@ from ..nodes.map_binding import map_of
 from ..nodes.map_choices import CHOICES, IMAGE_NODE
 from ..nodes.map_tables import MapTables
 from ..nodes.places import count_node
+from ..nodes.scale import SCALE, scale_nodes
 from ..nodes.script_node import osl_available
 from ..operators.change_map import glint_nodes
 from ..operators.keep_glints import ADVICE, softens_glints
@@ -101,6 +102,9 @@ def draw_maps(layout, context):
                 column.prop(group.nodes[IMAGE_NODE].image_user, name)
         if context.scene.glint.hints and hasattr(context.scene, "cycles") and is_by_nodes(group, context.scene):
             column.prop(count_node(group), "integer", text="Places")
+    for node in scale_nodes(context.material):
+        if not node.inputs[SCALE.name].is_linked:
+            layout.prop(node.inputs[SCALE.name], "default_value", text=SCALE.name)
 
 
 def table_words(group, context) -> tuple[str, str]:

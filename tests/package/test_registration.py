@@ -10,7 +10,8 @@ import pytest
 import glint_addon
 
 ROOT = Path(__file__).resolve().parents[2]
-MENUS = ("NODE_MT_category_shader_input", "NODE_MT_category_shader_shader", "NODE_MT_category_shader_texture")
+MENUS = ("NODE_MT_category_shader_input", "NODE_MT_category_shader_shader", "NODE_MT_category_shader_texture",
+         "NODE_MT_category_shader_vector")
 
 
 def menu_entries() -> dict[str, list]:

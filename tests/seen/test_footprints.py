@@ -10,7 +10,9 @@ from glint_addon import create_glint_material, paths
 from glint_addon.animation.poses import poses
 from glint_addon.bake.counts import counts_levels
 from glint_addon.materials.find import glint_groups
+from glint_addon.nodes import scale as scale_group
 from glint_addon.nodes import script_node
+from glint_addon.prepare.real_size import write_object_sizes
 from glint_addon.seen import footprints
 from glint_addon.seen.footprints import EVERYTHING, MARGIN, NOTHING, counts_levels_reached, footprint_range
 from tests.helpers import cycles
@@ -44,6 +46,18 @@ def material(scene, tmp_path):
     return create_glint_material("Sparkle", write_flake_map(tmp_path / "flakes.png"))
 
 
+def surface_of(material):
+    return next(node for node in material.node_tree.nodes if getattr(node, "node_tree", None) in glint_groups(material))
+
+
+def scale_node(material, width):
+    """A new Glint Scale node."""
+    node = material.node_tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = scale_group.build()
+    node.inputs["Scale"].default_value = width
+    return node
+
+
 def judged(scene, *things, **options):
     """The range of the first thing's material on all `things`."""
     bpy.context.view_layer.update()
@@ -55,7 +69,7 @@ def judged(scene, *things, **options):
 def rendered_axes(scene, thing) -> np.ndarray:
     """Short semi-axes in texels, of all pixels that show `thing`, as the shader works them out."""
     material = thing.material_slots[0].material
-    surface = next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup")
+    surface = surface_of(material)
     other = material.copy()
     tree = other.node_tree
     (source,) = [link.from_socket for link in tree.nodes[surface.name].inputs["Vector"].links]
@@ -117,6 +131,15 @@ def scaled_and_smoothed(scene, material):
     return plane
 
 
+def sized(scene, material):
+    """A plane whose units of UV are 4 metres wide, with repeats of half a metre."""
+    plane = cycles.add_plane(scene, 2.0, material=material, repeats=1.5)
+    plane.scale = (3.0, 3.0, 3.0)
+    material.node_tree.links.new(scale_node(material, 0.5).outputs["Vector"], surface_of(material).inputs["Vector"])
+    write_object_sizes(plane, bpy.context.evaluated_depsgraph_get(), material)
+    return plane
+
+
 def orthographic(scene, material):
     cycles.add_camera(scene, (0, 0, 3), width=1.5)
     return tilted_plane(scene, material)
@@ -132,7 +155,8 @@ def wide_and_shifted(scene, material):
 
 @pytest.mark.parametrize(
     "build",
-    [tilted_plane, ball, mapped_plane, texture_mapped_plane, scaled_and_smoothed, orthographic, wide_and_shifted],
+    [tilted_plane, ball, mapped_plane, texture_mapped_plane, scaled_and_smoothed, sized, orthographic,
+     wide_and_shifted],
 )
 def test_the_range_holds_every_footprint_of_the_render_and_little_more(scene, material, build):
     scene.cycles.samples = 4
@@ -148,6 +172,30 @@ def test_the_range_holds_every_footprint_of_the_render_and_little_more(scene, ma
     # One pixel in a hundred, at the rim of a ball or a plane's horizon, tells little of the rest.
     typical = np.quantile(axes, [0.01, 0.99])
     assert typical[0] < low * MARGIN * LOOSEST and typical[1] > high / MARGIN / LOOSEST, (low, typical, high)
+
+
+@pytest.mark.parametrize("mapped", [False, True])
+def test_the_range_with_a_scale_is_that_of_the_same_size_by_a_mapping_node(scene, material, mapped):
+    plane = cycles.add_plane(scene, 2.0, material=material, repeats=2.0)
+    plane.scale = (3.0, 3.0, 3.0)
+    tree, vector = material.node_tree, surface_of(material).inputs["Vector"]
+    source = vector.links[0].from_socket
+    mapping = tree.nodes.new("ShaderNodeMapping")
+    tree.links.new(source, mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs["Vector"], vector)
+    mapping.inputs["Scale"].default_value = (6.0, 6.0, 1.0)  # units of 3 metres, repeats of half a metre
+    by_hand = judged(scene, plane)
+    node = scale_node(material, 0.5)
+    mapping.inputs["Scale"].default_value = (1.0, 1.0, 1.0)
+    tree.links.new(node.outputs["Vector"], vector)
+    if mapped:
+        tree.links.new(mapping.outputs["Vector"], node.inputs["Vector"])
+    assert judged(scene, plane) == pytest.approx(by_hand)
+    node.inputs["Scale"].default_value = 0.0
+    plain = judged(scene, plane)
+    assert plain == pytest.approx((by_hand[0] / 6.0, by_hand[1] / 6.0))
+    tree.links.new(tree.nodes.new("ShaderNodeValue").outputs[0], node.inputs["Scale"])
+    assert judged(scene, plane) == EVERYTHING
 
 
 def test_a_footprint_is_the_pixel_in_texels_for_a_plane_seen_from_above(scene, material):

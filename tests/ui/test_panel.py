@@ -219,7 +219,7 @@ def test_long_sentences_are_wrapped_to_the_width_of_the_panel(glinting):
 
 def test_every_group_is_in_exactly_one_add_menu(scene):
     layout = Layout()
-    for draw in (menus.draw_inputs, menus.draw_shaders, menus.draw_textures):
+    for draw in (menus.draw_inputs, menus.draw_shaders, menus.draw_textures, menus.draw_vectors):
         draw(SimpleNamespace(layout=layout), bpy.context)
     assert sorted(layout.seen) == sorted(f"[{name}]" for name in GROUPS)
 
