@@ -22,7 +22,7 @@ from ..nodes.scene_lights import held_sets
 from ..properties import PREPARED
 from .light_facts import changed_lights, foreign_lights, light_facts, lost_lights
 from .material_facts import changed_materials, changed_objects, lost_tables, material_facts, object_facts
-from .real_size import changed_sizes, size_facts
+from .real_size import changed_sizes
 from .setting_facts import changed_settings, setting_facts
 from .stored_tables import remembered_tables
 from .uses import Uses, glint_uses, shown_map
@@ -65,7 +65,7 @@ def changes_since_prepared(scene: bpy.types.Scene) -> list[str]:
             + changed_lights(before["lights"], now["lights"])
             + changed_materials(before["materials"], now["materials"], before["digests"])
             + changed_objects(before["objects"], now["objects"])
-            + changed_sizes(before.get("sizes", {}), now["sizes"])
+            + changed_sizes(scene, uses, before["objects"])
             + changed_settings(before["settings"], now["settings"]) + lost_tables(uses))
 
 
@@ -100,6 +100,5 @@ def _facts(scene: bpy.types.Scene, uses: Uses, states: ImageStates) -> dict[str,
         "sets": held_sets(scene),
         "materials": material_facts(uses, states),
         "objects": object_facts(uses),
-        "sizes": size_facts(scene, uses),
         "settings": setting_facts(scene),
     }

@@ -5,7 +5,7 @@ What linked objects keep belongs to their file, so nothing is written there.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass
 from math import isinf
 
@@ -21,9 +21,7 @@ from .uses import Uses
 LARGEST_VARIATION = 2.0
 # Relative difference from which on a size counts as another one: nobody sees less, and evaluating a mesh may round.
 NOTICED = 0.02
-
-# Of objects, by name, the metres of a unit of each of their UV maps, by name, divided by an object's scale; 0: unknown.
-Facts = dict[str, dict[str, float]]
+ELSEWHERE = "prepare it in that file, or make it local with Object > Relations > Make Local > All."
 
 
 @dataclass(frozen=True)
@@ -39,6 +37,17 @@ class Place:
     def metres(self) -> float:
         """Metres of a unit where the object's scale is 1, as the object keeps them; 0 if that cannot be told."""
         return self.size.metres / self.scale if self.size is not None and self.scale > 0.0 else 0.0
+
+    @property
+    def stored(self) -> float | None:
+        """The metres that the object keeps, None for none."""
+        return stored_metres(self.thing, self.uv_map)
+
+    @property
+    def forgets(self) -> bool:
+        """Whether the object overrides one of another file that keeps no size: a saved file does not hold it then."""
+        override = self.thing.override_library
+        return override is not None and stored_metres(override.reference, self.uv_map) is None
 
 
 def write_sizes(scene: bpy.types.Scene, uses: Uses) -> None:
@@ -62,21 +71,11 @@ def size_warnings(scene: bpy.types.Scene, uses: Uses) -> list[str]:
     return sorted(sentence for place in _places(scene, uses) if (sentence := _warning(place)))
 
 
-def size_facts(scene: bpy.types.Scene, uses: Uses) -> Facts:
-    """What the sizes are that objects keep, measured now."""
-    found: Facts = {}
-    for place in _places(scene, uses):
-        if place.thing.is_editable:
-            found.setdefault(place.thing.name_full, {})[place.uv_map] = float(f"{place.metres:.6g}")
-    return found
-
-
-def changed_sizes(before: Facts, now: Facts) -> list[str]:
-    """Sentences on objects whose UV maps cover more or less of them than before; new objects have their own."""
-    return sorted(f'The UVs or the shape of "{name}" changed: one unit of UV covers {_metres(now[name][uv_map])} now, '
-                  f"{_metres(old)} before." for name in now.keys() & before.keys()
-                  for uv_map, old in before[name].items()
-                  if uv_map in now[name] and _differ(now[name][uv_map], old))
+def changed_sizes(scene: bpy.types.Scene, uses: Uses, before: Container[str]) -> list[str]:
+    """Sentences on objects whose UV maps have another size than the objects keep, of those named in `before`: of others
+    it is said that they are new."""
+    return sorted(_change(place) for place in _places(scene, uses) if place.thing.is_editable
+                  and place.thing.name_full in before and _differ(place.stored or 0.0, place.metres))
 
 
 def scale_groups(materials: Iterable[bpy.types.Material]) -> set[bpy.types.ShaderNodeTree]:
@@ -109,25 +108,37 @@ def _depsgraph(thing: bpy.types.Object, layers: list[bpy.types.ViewLayer]) -> bp
 
 def _write(place: Place) -> None:
     """Keep a size on its object; where it is unknown nothing is kept, and a unit counts as a metre."""
-    name = metres_property(place.uv_map)
+    thing, name = place.thing, metres_property(place.uv_map)
     if place.metres == 0.0:
-        place.thing.pop(name, None)
-    elif place.thing.get(name) != place.metres:
-        place.thing[name] = place.metres
-        place.thing.update_tag()
+        thing.pop(name, None)
+    elif thing.get(name) != place.metres:
+        thing[name] = place.metres
+        # Library overrides of the object may have a size of their own.
+        thing.property_overridable_library_set(f'["{name}"]', True)
+        thing.update_tag()
+
+
+def _change(place: Place) -> str:
+    name = f'"{place.thing.name_full}"'
+    if place.stored is None:
+        return f"The UVs of {name} were not measured for its Scale."
+    now = f"{place.size.metres:.3g} m" if place.size is not None else "nothing"
+    before = f"{place.stored * place.scale:.3g} m"
+    return f"The UVs or the shape of {name} changed: one unit of UV covers {now} now, {before} before."
 
 
 def _warning(place: Place) -> str:
-    name = f'"{place.thing.name}"'
-    uv_map = f'UV map "{place.uv_map}"' if place.uv_map else "UV map"
+    name, uv_map = f'"{place.thing.name}"', f'UV map "{place.uv_map}"' if place.uv_map else "UV map"
     if place.metres == 0.0:
         return (f"Scale cannot measure {name}, which has no face with an area in its {uv_map}: glints repeat there as "
                 "if one unit of UV were one metre; unwrap it (UV > Unwrap) and prepare again.")
-    stored = stored_metres(place.thing, place.uv_map)
-    if not place.thing.is_editable and _differ(stored or 1.0, place.metres):
+    if place.forgets:
+        return (f"{name} overrides an object of {place.thing.override_library.reference.library.filepath}, where its "
+                f"UVs were not measured: once this file is opened again, Scale does not know their size; {ELSEWHERE}")
+    times = place.metres / (place.stored or 1.0)
+    if not place.thing.is_editable and _differ(times, 1.0):
         return (f"{name} is linked from {place.thing.library.filepath}, where its UVs were not measured as they are: "
-                f"its glints are {place.metres / (stored or 1.0):.2g} times as large as Scale says; prepare it in that "
-                "file, or make it local with Object > Relations > Make Local > All.")
+                f"its glints are {times:.2g} times as large as Scale says; {ELSEWHERE}")
     if place.size is None or place.size.variation <= LARGEST_VARIATION:
         return ""
     if isinf(place.size.variation):
@@ -139,7 +150,3 @@ def _warning(place: Place) -> str:
 
 def _differ(one: float, other: float) -> bool:
     return abs(one - other) > NOTICED * max(abs(one), abs(other))
-
-
-def _metres(number: float) -> str:
-    return f"{number:.3g} m" if number else "nothing"

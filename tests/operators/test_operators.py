@@ -12,6 +12,7 @@ from glint_addon.nodes.glint_bsdf import group_binding, is_glint_group
 from glint_addon.nodes.map_binding import map_of
 from glint_addon.nodes.map_choices import IMAGE_NODE
 from glint_addon.nodes.places import DEFAULT_COUNT, count_node, count_of
+from glint_addon.nodes.scale import metres_property, scale_nodes, uv_map_of
 from tests.helpers import cycles, map_sets
 from tests.helpers.extension import data_names, shader_editor, write_flake_map
 
@@ -49,6 +50,21 @@ def greyed(operator) -> str:
     with pytest.raises(RuntimeError, match="poll") as error:
         operator()
     return str(error.value).strip().partition("failed, ")[2] or str(error.value).strip()
+
+
+def test_a_scale_is_a_node_of_the_material_and_the_object_is_measured_at_once(plane, flake_map):
+    assert bpy.ops.glint.add_material(filepath=str(flake_map)) == {"FINISHED"}
+    assert scale_nodes(plane.active_material) == [] and metres_property("") not in plane
+    assert bpy.ops.glint.add_material(filepath=str(flake_map), scale=0.25) == {"FINISHED"}
+    (node,) = scale_nodes(plane.active_material)
+    assert node.inputs["Scale"].default_value == 0.25
+    assert plane[metres_property("")] == pytest.approx(2.0)
+    plane.data.uv_layers.new(name="Other").uv.foreach_set("vector", [0, 0, 8, 0, 8, 8, 0, 8])
+    assert bpy.ops.glint.add_material(filepath=str(flake_map), scale=0.25, uv_map="Other") == {"FINISHED"}
+    assert plane[metres_property("Other")] == pytest.approx(0.25)
+    assert bpy.ops.glint.change_map(image="flakes.png", uv_map="") == {"FINISHED"}
+    (node,) = scale_nodes(plane.active_material)
+    assert node.inputs["Scale"].default_value == 0.25 and uv_map_of(node.node_tree) == ""
 
 
 def test_a_dropped_file_becomes_the_material_of_the_active_object(plane, flake_map):

@@ -9,6 +9,7 @@ import pytest
 
 from glint_addon.nodes import GROUPS
 from glint_addon.nodes.map_choices import IMAGE_NODE
+from glint_addon.nodes.scale import scale_nodes
 from glint_addon.operators.scene_state import store_report
 from glint_addon.prepare import watch
 from glint_addon.prepare.report import Report
@@ -414,6 +415,16 @@ def test_a_blender_without_osl_speaks_of_no_tables(prepared, monkeypatch):
     bpy.ops.glint.prepare()
     seen = words_now(GLINT_PT_material)
     assert seen.count("no Open Shading Language") == 1 and "[glint.keep_glints]" in seen
+
+
+def test_the_scale_of_a_material_that_has_one_can_be_set(glinting):
+    assert "[Scale]" not in drawn(GLINT_PT_material)
+    bpy.ops.glint.add_material(image="flakes.png", scale=0.5)
+    assert drawn(GLINT_PT_material).count("[Scale]") == 1
+    tree = bpy.context.object.active_material.node_tree
+    (node,) = scale_nodes(bpy.context.object.active_material)
+    tree.links.new(tree.nodes.new("ShaderNodeValue").outputs[0], node.inputs["Scale"])
+    assert "[Scale]" not in drawn(GLINT_PT_material)
 
 
 def test_places_can_be_set_where_glints_are_rendered_by_nodes(prepared):
