@@ -130,15 +130,15 @@ def texel_densities(
     smallest, largest, area = found
     seen_at_an_angle = np.minimum(largest, LARGEST_STRETCH * smallest)
     return (
-        quantile(smallest, area, OUTERMOST_AREA),
-        quantile(seen_at_an_angle, area, 1.0 - OUTERMOST_AREA),
+        _quantile(smallest, area, OUTERMOST_AREA),
+        _quantile(seen_at_an_angle, area, 1.0 - OUTERMOST_AREA),
     )
 
 
 def largest_texel_area(mesh: bpy.types.Mesh, matrix: np.ndarray, uv_map: str, transform: np.ndarray) -> float | None:
     """Most texels per square metre of a mesh without its outermost pieces, or None; arguments as for `texel_axes`."""
     found = texel_axes(mesh, matrix, uv_map, transform)
-    return None if found is None else quantile(found[0] * found[1], found[2], 1.0 - OUTERMOST_AREA)
+    return None if found is None else _quantile(found[0] * found[1], found[2], 1.0 - OUTERMOST_AREA)
 
 
 def texel_axes(
@@ -172,7 +172,7 @@ def texel_axes(
     return product / largest, largest, area
 
 
-def quantile(values: np.ndarray, weights: np.ndarray, part: float) -> float:
+def _quantile(values: np.ndarray, weights: np.ndarray, part: float) -> float:
     """The value of `values` (n,) below which `part` of the weights lie."""
     order = np.argsort(values)
     below = np.cumsum(weights[order])

@@ -5,21 +5,23 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+ALL = slice(None)
 
-def triangle_corners(mesh: bpy.types.Mesh) -> np.ndarray:
-    """Corners (n, 3, 3) of a mesh's triangles, in its own space."""
+
+def triangle_corners(mesh: bpy.types.Mesh, chosen: np.ndarray | slice = ALL) -> np.ndarray:
+    """Corners (n, 3, 3) of a mesh's triangles, those `chosen` by number, in its own space."""
     mesh.calc_loop_triangles()
-    return vertices(mesh)[_values(mesh.loop_triangles, "vertices", np.int32).reshape(-1, 3)]
+    return vertices(mesh)[_values(mesh.loop_triangles, "vertices", np.int32).reshape(-1, 3)[chosen]]
 
 
-def corner_uvs(mesh: bpy.types.Mesh, uv_map: str) -> np.ndarray | None:
-    """UVs (n, 3, 2) at the corners of a mesh's triangles, of UV map `uv_map` or for "" of the one that is active for
-    rendering; None without it."""
+def corner_uvs(mesh: bpy.types.Mesh, uv_map: str, chosen: np.ndarray | slice = ALL) -> np.ndarray | None:
+    """UVs (n, 3, 2) at the corners of a mesh's triangles, those `chosen` by number: of UV map `uv_map`, for "" of the
+    one that is active for rendering; None without it."""
     layers = [layer for layer in mesh.uv_layers if layer.name == uv_map or not uv_map and layer.active_render]
     if not layers:
         return None
     mesh.calc_loop_triangles()
-    loops = _values(mesh.loop_triangles, "loops", np.int32).reshape(-1, 3)
+    loops = _values(mesh.loop_triangles, "loops", np.int32).reshape(-1, 3)[chosen]
     return _values(layers[0].uv, "vector", np.float32).reshape(-1, 2).astype(float)[loops]
 
 

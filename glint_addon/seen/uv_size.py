@@ -10,11 +10,13 @@ import bpy
 import numpy as np
 
 from ..nodes.scale import metres_property
-from .coordinates import OUTERMOST_AREA, quantile
-from .meshes import corner_uvs, triangle_corners
+from .coordinates import OUTERMOST_AREA
+from .meshes import ALL, corner_uvs, triangle_corners
 
 # Part of a surface that is ignored at either end where it is asked how much sizes vary: seams, poles, hidden faces.
 VARYING_AREA = 0.1
+# Triangles of a mesh that are looked at: where sizes differ by half their mean, the mean is off by 0.2 %.
+JUDGED_TRIANGLES = 100_000
 
 
 @dataclass(frozen=True)
@@ -28,9 +30,15 @@ class UvSize:
 
 def uv_size(mesh: bpy.types.Mesh, matrix: np.ndarray, uv_map: str) -> UvSize | None:
     """The size of UV map `uv_map`, "" for the one active for rendering, on a mesh; None without that UV map or any
-    area. matrix: (3, 3), mesh to world."""
-    uvs = corner_uvs(mesh, uv_map)
-    return None if uvs is None else size_of_triangles(triangle_corners(mesh) @ np.asarray(matrix, float).T, uvs)
+    area. matrix: (3, 3), mesh to world. Of large meshes JUDGED_TRIANGLES drawn at random stand for all."""
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    # The same ones at each look, so that nothing seems to have changed.
+    chosen = np.random.default_rng(0).integers(0, count, JUDGED_TRIANGLES) if count > JUDGED_TRIANGLES else ALL
+    uvs = corner_uvs(mesh, uv_map, chosen)
+    if uvs is None:
+        return None
+    return size_of_triangles(triangle_corners(mesh, chosen) @ np.asarray(matrix, float).T, uvs)
 
 
 def size_of_triangles(places: np.ndarray, uvs: np.ndarray) -> UvSize | None:
@@ -39,21 +47,31 @@ def size_of_triangles(places: np.ndarray, uvs: np.ndarray) -> UvSize | None:
     The outermost hundredth of the surface at either end counts as what comes next: one face that is nearly collapsed
     in the UV map would have any size. Triangles without area, or not finite, are left out; where nothing is left, None.
     """
-    sides, changes = places[:, 1:] - places[:, :1], uvs[:, 1:] - uvs[:, :1]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        area = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-        area_in_uv = 0.5 * np.abs(np.linalg.det(changes))
+        (ax, ay, az), (bx, by, bz) = (places[:, corner].T - places[:, 0].T for corner in (1, 2))
+        (au, av), (bu, bv) = (uvs[:, corner].T - uvs[:, 0].T for corner in (1, 2))
+        area = 0.5 * np.sqrt((ay * bz - az * by) ** 2 + (az * bx - ax * bz) ** 2 + (ax * by - ay * bx) ** 2)
+        area_in_uv = 0.5 * np.abs(au * bv - av * bu)
         metres = np.sqrt(area / area_in_uv)
     has_area = (area > 0.0) & np.isfinite(area) & np.isfinite(area_in_uv)
     usable = has_area & np.isfinite(metres)
     if not usable.any():
         return None
     metres, area = np.where(usable, metres, np.inf)[has_area], area[has_area]
-    low, high = (quantile(metres, area, part) for part in (VARYING_AREA, 1.0 - VARYING_AREA))
+    order = np.argsort(metres)
+    metres, area = metres[order], area[order]
+    low, high = _quantiles(metres, area, VARYING_AREA)
     mapped = np.isfinite(metres)
     metres, area = metres[mapped], area[mapped]
-    ends = [quantile(metres, area, part) for part in (OUTERMOST_AREA, 1.0 - OUTERMOST_AREA)]
-    return UvSize(float(np.average(metres.clip(*ends), weights=area)), high / low if np.isfinite(low) else np.inf)
+    mean = np.average(metres.clip(*_quantiles(metres, area, OUTERMOST_AREA)), weights=area)
+    return UvSize(float(mean), high / low if np.isfinite(low) else np.inf)
+
+
+def _quantiles(values: np.ndarray, weights: np.ndarray, part: float) -> tuple[float, float]:
+    """The values (n,), in order, below which and above which `part` of the weights lie."""
+    below = np.cumsum(weights)
+    low, high = np.searchsorted(below, np.array([part, 1.0 - part]) * below[-1]).clip(0, len(values) - 1)
+    return float(values[low]), float(values[high])
 
 
 def mean_scale(matrix: np.ndarray) -> float:

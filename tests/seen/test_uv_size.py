@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
+from glint_addon.seen import uv_size as uv_size_module
 from glint_addon.seen.uv_size import mean_scale, measured, size_of_triangles, uv_size
 from tests.helpers import cycles
 
@@ -127,3 +128,13 @@ def test_an_object_without_faces_or_uvs_has_no_size(scene):
 def test_the_mean_scale_of_an_even_scale_is_that_scale_and_a_flat_one_is_above_zero():
     assert mean_scale(-3.0 * np.eye(3)) == pytest.approx(3.0)
     assert mean_scale(np.diag([2.0, 0.0, 0.0])) == pytest.approx(2.0 / math.sqrt(3.0))
+
+
+def test_triangles_at_random_stand_for_a_large_mesh_and_are_the_same_each_time(scene, monkeypatch):
+    sphere = cycles.add_sphere(scene, segments=128, rings=64)
+    exact = size_of(sphere)
+    monkeypatch.setattr(uv_size_module, "JUDGED_TRIANGLES", 4000)
+    sampled = size_of(sphere)
+    assert sampled == size_of(sphere) != exact
+    assert sampled.metres == pytest.approx(exact.metres, rel=0.02)  # 1 / sqrt(4000), at most
+    assert sampled.variation == pytest.approx(exact.variation, rel=0.05)
