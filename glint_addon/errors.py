@@ -23,3 +23,7 @@ class ShaderError(GlintError):
 
 class CancelledError(GlintError):
     """Whoever asked for the work has stopped it; nothing has changed."""
+
+
+class GenerateError(GlintError):
+    """A microstructure cannot be generated from its settings (out of range, larger than one repeat, too many)."""

@@ -15,6 +15,7 @@ ALLOWED = {
     "paths": set(),
     "properties": set(),
     "bake": {"errors"},
+    "generate": {"errors"},
     "images": {"bake", "errors", "properties"},
     "nodes": {"bake", "errors", "images", "paths", "properties"},
     "materials": {"bake", "errors", "images", "nodes"},
@@ -84,8 +85,9 @@ def test_a_module_names_its_own_package_only_by_relative_imports(file):
         assert level > 0 or name.split(".")[0] != "glint_addon", f"{file.name}:{line}"
 
 
-@pytest.mark.parametrize("file", sorted((ADDON / "bake").rglob("*.py")), ids=lambda file: file.name)
-def test_baking_never_imports_bpy(file):
+@pytest.mark.parametrize("file", [file for file in MODULES if part(file) in ("bake", "generate")],
+                         ids=lambda file: str(file.relative_to(ADDON)))
+def test_baking_and_generating_never_import_bpy(file):
     blender = {"bpy", "mathutils", "bl_math", "gpu", "_cycles", "cycles"}
     for _, name, line in imports(file):
         assert name.split(".")[0] not in blender, f"{file.name}:{line} imports {name}"

@@ -1,0 +1,67 @@
+"""The table of generators, named sets of settings, and settings as plain data for files."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from ..errors import GenerateError
+from .brushed import Brushed
+from .bumps import ORANGE_PEEL, Bumps
+from .dents import Dents
+from .flakes import Flakes, Population
+from .grains import SAND, SNOW, SUGAR, Grains
+from .microstructure import Generator
+from .scratches import SWIRLS, Scratches
+from .sequins import Sequins
+from .settings import check_settings
+
+# In the order in which menus show them.
+GENERATORS: dict[str, type[Generator]] = {
+    each.kind: each for each in (Flakes, Scratches, Brushed, Bumps, Grains, Sequins, Dents)
+}
+# Sets of settings with a name of their own.
+PRESETS: dict[str, Generator] = {
+    "Snow": SNOW,
+    "Sand": SAND,
+    "Sugar": SUGAR,
+    "Orange Peel": ORANGE_PEEL,
+    "Polishing Swirls": Scratches(shape=SWIRLS, density=400, length=0.01, direction_spread=5.0, bundle=4),
+}
+# Elements of the settings that are several dataclasses, by name.
+PARTS = {"populations": Population}
+
+
+def as_data(generator: Generator) -> dict[str, Any]:
+    """A generator as numbers, texts, lists and dicts, as JSON has them: {"kind": its kind, setting: value}."""
+    return {"kind": generator.kind, **_plain(generator)}
+
+
+def of_data(data: Mapping[str, Any]) -> Generator:
+    """The generator that `as_data` gave; settings that are not there have their default.
+
+    Raises GenerateError for an unknown kind or setting, and for values that are not allowed.
+    """
+    values = dict(data)
+    kind = values.pop("kind", None)
+    if kind not in GENERATORS:
+        raise GenerateError(f'There is no generator "{kind}": choose {", ".join(GENERATORS)}.')
+    generator = _made(GENERATORS[kind], values)
+    check_settings(generator)
+    return generator
+
+
+def _plain(owner: Any) -> dict[str, Any]:
+    values = {field.name: getattr(owner, field.name) for field in dataclasses.fields(owner)}
+    return {name: [_plain(each) for each in value] if name in PARTS else value for name, value in values.items()}
+
+
+def _made(cls: Any, values: Mapping[str, Any]) -> Any:
+    known = {field.name for field in dataclasses.fields(cls)}
+    for name in values:
+        if name not in known:
+            raise GenerateError(f'{getattr(cls, "label", cls.__name__)} has no setting "{name}": choose '
+                                f"{', '.join(sorted(known))}.")
+    parts = {name: tuple(_made(PARTS[name], each) for each in values[name]) for name in PARTS if name in values}
+    return cls(**{**values, **parts})
