@@ -29,6 +29,7 @@ OTHERS = {
     "gpu": "By nodes alone, on a GPU",
     "denoise": "Denoising",
     "bake": "Baking, and the start of a render",
+    "generate": "Generating microstructure",
 }
 STRESS = RESULTS / "stress.json"
 MEGABYTE = 1e6

@@ -11,6 +11,10 @@ from .microstructure import CLOSEST, Generator, Microstructure, normals_of
 from .settings import FACTOR, LENGTH, setting
 from .tilts import cone_setting, distribution_setting, random_slopes, roughness_setting, tail_setting
 
+# Up to so many flakes along a texel, and along a repeat, a coarse map shows those of a fine one, where the middles of
+# its texels lie. Of more it would take too long to draw all, and it shows as many as it has texels.
+FINER, MOST = 4, 2048
+
 
 @dataclass(frozen=True, kw_only=True)
 class Population:
@@ -18,7 +22,7 @@ class Population:
 
     share: float = setting(1.0, "Share", "Part of the covered surface that these flakes cover, in relation to the "
                            "shares of all", low=0.0, high=1.0, quantity=FACTOR)
-    size: float = setting(0.00005, "Size", "Mean width of a flake; if it is less than a texel, each texel is a flake",
+    size: float = setting(0.00005, "Size", "Mean width of a flake; if less than a texel, each texel shows a flake",
                           low=1e-7, high=1.0, quantity=LENGTH)
     size_spread: float = setting(0.2, "Size Spread", "Standard deviation of the widths, in relation to their mean",
                                  low=0.0, high=LARGEST_SPREAD, quantity=FACTOR)
@@ -73,7 +77,7 @@ class Flakes(Generator):
         """(normals (n, 3), ids (n,), is_there (n,), index (r, r) of the flake at each texel) of one population."""
         columns = self.columns_of(population.size, "Size")
         rng = self.random(number)
-        if columns > resolution:
+        if columns > max(resolution, min(MOST, FINER * resolution)):
             count, index = resolution**2, np.arange(resolution**2, dtype=np.int32).reshape(resolution, resolution)
         else:
             lattice = random_lattice(columns, population.size_spread, rng)

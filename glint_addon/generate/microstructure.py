@@ -51,7 +51,7 @@ class Generator:
     def microstructure(self, resolution: int = 2048) -> Microstructure:
         """One repeat of `resolution` texels a side, a power of two from SMALLEST to LARGEST.
 
-        Another resolution shows the same surface, except where one texel is one flake. Raises GenerateError.
+        Another resolution shows the same surface, unless flakes are much smaller than texels. Raises GenerateError.
         """
         is_power = isinstance(resolution, int) and resolution > 0 and resolution & (resolution - 1) == 0
         if not is_power or not SMALLEST <= resolution <= LARGEST:

@@ -49,6 +49,12 @@ def test_flakes_smaller_than_a_texel_are_one_texel_each():
     assert abs(beside) < 0.02
 
 
+def test_a_coarse_map_shows_the_flakes_of_a_fine_one():
+    fine, coarse = (flakes(resolution, extent=0.0256).id for resolution in (1024, 64))  # 4 flakes a coarse texel
+    around = np.stack([fine[v::16, u::16] for v in (7, 8) for u in (7, 8)])
+    assert (around == coarse).any(axis=0).mean() > 0.98  # an edge may run between the middles
+
+
 def test_random_numbers_of_flakes_are_uniform():
     numbers = np.unique(flakes(512).id)
     shares = np.histogram(numbers, bins=10, range=(0, 1))[0] / len(numbers)
