@@ -9,6 +9,7 @@ from typing import Any
 from ..errors import GenerateError
 from .brushed import Brushed
 from .bumps import ORANGE_PEEL, Bumps
+from .coloring import Stop
 from .dents import Dents
 from .flakes import Flakes, Population
 from .grains import SAND, SNOW, SUGAR, Grains
@@ -30,12 +31,12 @@ PRESETS: dict[str, Generator] = {
     "Polishing Swirls": Scratches(shape=SWIRLS, density=400, length=0.01, direction_spread=5.0, bundle=4),
 }
 # Elements of the settings that are several dataclasses, by name.
-PARTS = {"populations": Population}
+PARTS = {"populations": Population, "stops": Stop}
 
 
 def as_data(generator: Generator) -> dict[str, Any]:
     """A generator as numbers, texts, lists and dicts, as JSON has them: {"kind": its kind, setting: value}."""
-    return {"kind": generator.kind, **_plain(generator)}
+    return {"kind": generator.kind, **plain(generator)}
 
 
 def of_data(data: Mapping[str, Any]) -> Generator:
@@ -47,21 +48,25 @@ def of_data(data: Mapping[str, Any]) -> Generator:
     kind = values.pop("kind", None)
     if kind not in GENERATORS:
         raise GenerateError(f'There is no generator "{kind}": choose {", ".join(GENERATORS)}.')
-    generator = _made(GENERATORS[kind], values)
+    generator = made(GENERATORS[kind], values)
     check_settings(generator)
     return generator
 
 
-def _plain(owner: Any) -> dict[str, Any]:
+def plain(owner: Any) -> dict[str, Any]:
+    """The settings of a dataclass of this room as numbers, texts, lists and dicts."""
     values = {field.name: getattr(owner, field.name) for field in dataclasses.fields(owner)}
-    return {name: [_plain(each) for each in value] if name in PARTS else value for name, value in values.items()}
+    return {name: [plain(each) for each in value] if name in PARTS else value for name, value in values.items()}
 
 
-def _made(cls: Any, values: Mapping[str, Any]) -> Any:
+def made(cls: Any, values: Mapping[str, Any]) -> Any:
+    """The dataclass `cls` of settings that `plain` gave; what is left out has its default. Raises GenerateError."""
     known = {field.name for field in dataclasses.fields(cls)}
     for name in values:
         if name not in known:
             raise GenerateError(f'{getattr(cls, "label", cls.__name__)} has no setting "{name}": choose '
                                 f"{', '.join(sorted(known))}.")
-    parts = {name: tuple(_made(PARTS[name], each) for each in values[name]) for name in PARTS if name in values}
+    # JSON has lists only.
+    values = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+    parts = {name: tuple(made(PARTS[name], each) for each in values[name]) for name in PARTS if name in values}
     return cls(**{**values, **parts})

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 from ..errors import GenerateError
 
 # What a number measures, and the word for its unit in messages.
-LENGTH, ANGLE, FACTOR, NUMBER = "LENGTH", "ANGLE", "FACTOR", "NUMBER"
-UNITS = {LENGTH: " metres", ANGLE: " radians", FACTOR: "", NUMBER: ""}
+LENGTH, ANGLE, FACTOR, NUMBER, COLOR = "LENGTH", "ANGLE", "FACTOR", "NUMBER", "COLOR"
+UNITS = {LENGTH: " metres", ANGLE: " radians", FACTOR: "", NUMBER: "", COLOR: ""}
 
 
 class Choice(NamedTuple):
@@ -27,7 +27,7 @@ class Setting:
     """What a field of a generator says of itself; `help` is a sentence without its final period, as Blender's are.
 
     low, high: the smallest and largest value allowed, of numbers only. quantity: LENGTH (metres), ANGLE (radians),
-    FACTOR (a share or ratio) or NUMBER. choices: of texts only.
+    FACTOR (a share or ratio), COLOR (three numbers, linear) or NUMBER. choices: of texts only.
     """
 
     label: str
@@ -56,7 +56,10 @@ def check_settings(owner: Any) -> None:
     thing = getattr(owner, "label", type(owner).__name__)
     for name, described in settings_of(owner).items():
         value = getattr(owner, name)
-        if isinstance(value, tuple):
+        if described.quantity == COLOR:
+            for channel in value:
+                _check_number(thing, described, channel, is_whole=False)
+        elif isinstance(value, tuple):
             _check_tuple(thing, described, value)
         elif described.choices:
             _check_choice(thing, described, value)
