@@ -38,6 +38,12 @@ COPY_CONTENT = "glint_copy_content"  # what the copy itself held then, which tel
 # On an object that shows a "Glint Scale": metres that one unit of its active UV map covers, divided by the object's
 # mean scale; of other UV maps too, under this name and a digest of theirs.
 UV_METRES = "glint_uv_metres"
+# On an image that was generated.
+GENERATED = "glint_generated"  # JSON of the recipe it shows
+GENERATED_CONTENT = "glint_generated_content"  # digest of what was packed then, which tells whether it was edited
+GENERATED_PART = "glint_generated_part"  # which of the images of a recipe it is
+GENERATED_PRESENCE = "glint_generated_presence"  # on the normal map: pointer to the image of where flakes are
+GENERATED_COLOR = "glint_generated_color"  # on the normal map: pointer to the image of their colours
 
 # On a scene.
 HOLDER = "glint_lights"  # pointer to the data-block with its lights

@@ -12,15 +12,16 @@ import numpy as np
 from ..errors import MapError
 
 
-def image_bytes(pixels: np.ndarray, *, is_float: bool, name: str) -> bytes:
+def image_bytes(pixels: np.ndarray, *, is_float: bool, name: str, bits: int = 8) -> bytes:
     """A file of `pixels`, float32 (height, width, channels), row 0 at the bottom: OpenEXR of 32-bit floats, else PNG.
 
-    name: of the image, for the MapError if the temporary folder does not take the file.
+    bits: of a channel of a PNG, 8 or 16; Blender reads 16 as floats. name: of the image, for the MapError if the
+    temporary folder does not take the file.
     """
     from .openimageio import oiio
 
     height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, oiio.FLOAT if is_float else oiio.UINT8)
+    spec = oiio.ImageSpec(width, height, channels, oiio.FLOAT if is_float else {8: oiio.UINT8, 16: oiio.UINT16}[bits])
     spec.attribute("compression", "zips")  # faster than "zip": decision 50
     spec.attribute("png:compressionLevel", 1)  # higher levels hardly compress random facets further: decision 51
     spec.attribute("oiio:UnassociatedAlpha", 1)  # the colours are values: alpha must not scale them

@@ -16,7 +16,7 @@ ALLOWED = {
     "properties": set(),
     "bake": {"errors"},
     "generate": {"errors"},
-    "images": {"bake", "errors", "properties"},
+    "images": {"bake", "errors", "generate", "properties"},
     "nodes": {"bake", "errors", "images", "paths", "properties"},
     "materials": {"bake", "errors", "images", "nodes"},
     "lights": {"animation", "bake", "errors", "images", "materials", "nodes"},
