@@ -20,6 +20,7 @@ class Brushed(Generator):
     kind = "BRUSHED"
     label = "Brushed"
     help = "Fine streaks along u; UVs around an axis make circles of them"
+    interpolation = LINEAR
 
     length: float = setting(0.002, "Length", "How far a streak goes on, as its correlation length", low=1e-7,
                             high=100.0, quantity=LENGTH)
@@ -38,4 +39,4 @@ class Brushed(Generator):
         waves = int(np.ceil(REACH / along)), int(np.ceil(REACH / across))
         slopes, squares = random_slopes(amplitude, waves, resolution, self.random())
         scale = np.float32(self.slope / np.sqrt(squares[1]))
-        return Microstructure(normals_of(slopes * scale), None, None, self.extent, LINEAR)
+        return Microstructure(normals_of(slopes * scale), None, None, self.extent, self.interpolation)

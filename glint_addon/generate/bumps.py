@@ -23,6 +23,7 @@ class Bumps(Generator):
     kind = "BUMPS"
     label = "Bumps"
     help = "Smooth random waves: orange peel, cast metal, water"
+    interpolation = LINEAR
 
     wavelength: float = setting(0.0005, "Wavelength", "Distance from crest to crest", low=1e-7, high=10.0,
                                 quantity=LENGTH)
@@ -39,7 +40,7 @@ class Bumps(Generator):
         for number, (wavelength, slope) in enumerate(pairs):
             if slope > 0:
                 slopes += self._waves(wavelength, slope, resolution, self.random(number))
-        return Microstructure(normals_of(slopes), None, None, self.extent, LINEAR)
+        return Microstructure(normals_of(slopes), None, None, self.extent, self.interpolation)
 
     def _waves(self, wavelength, slope, resolution, rng):
         self.columns_of(wavelength, "Wavelength")

@@ -38,16 +38,17 @@ class Coloring:
 
     mode: str = setting(NONE, "Colors", "Where the colors of flakes and grains come from", choices=_MODES)
     color: Color = setting((0.8, 0.5, 0.2), "Color", "The color that others are spread around", low=0.0, high=1.0,
-                           quantity=COLOR)
+                           quantity=COLOR, only=("mode", (SPREAD,)))
     hue: float = setting(0.1, "Hue Spread", "Range of the hues, 1 is the whole circle", low=0.0, high=1.0,
-                         quantity=FACTOR)
+                         quantity=FACTOR, only=("mode", (SPREAD,)))
     saturation: float = setting(0.2, "Saturation Spread", "Range of the saturations", low=0.0, high=1.0,
-                                quantity=FACTOR)
-    value: float = setting(0.2, "Value Spread", "Range of the values", low=0.0, high=1.0, quantity=FACTOR)
+                                quantity=FACTOR, only=("mode", (SPREAD,)))
+    value: float = setting(0.2, "Value Spread", "Range of the values", low=0.0, high=1.0, quantity=FACTOR,
+                           only=("mode", (SPREAD,)))
     interpolation: str = setting(LINEAR, "Interpolation", "What lies between the stops of the ramp",
-                                 choices=_INTERPOLATIONS)
+                                 choices=_INTERPOLATIONS, only=("mode", (RAMP,)))
     stops: tuple[Stop, ...] = setting((Stop(color=(0.8, 0.1, 0.05)), Stop(position=1.0, color=(0.9, 0.7, 0.1))),
-                                      "Stops", "Colors of the ramp", low=1, high=32)
+                                      "Stops", "Colors of the ramp", low=1, high=32, only=("mode", (RAMP,)))
 
     def colors(self, id: np.ndarray | None) -> np.ndarray | None:
         """Colours float32 (..., 3) of random numbers `id` (...); None without any, or without an image of colours."""

@@ -22,6 +22,7 @@ class Dents(Generator):
     kind = "DENTS"
     label = "Dents"
     help = "Round dents beside each other: hammered metal"
+    interpolation = LINEAR
 
     size: float = setting(0.005, "Size", "Mean width of a dent", low=1e-6, high=10.0, quantity=LENGTH)
     size_spread: float = setting(0.2, "Size Spread", "Standard deviation of the widths, in relation to their mean",
@@ -38,4 +39,4 @@ class Dents(Generator):
         ids = self.random(1).random(lattice.count, np.float32)[dent]
         # A paraboloid of depth d at half the width w rises by 4 d x^2 / w^2; x is in widths.
         slopes = offsets(lattice, dent) * np.float32(-8 * self.depth / self.size)
-        return Microstructure(normals_of(slopes), None, ids, self.extent, LINEAR)
+        return Microstructure(normals_of(slopes), None, ids, self.extent, self.interpolation)

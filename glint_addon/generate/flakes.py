@@ -43,6 +43,7 @@ class Flakes(Generator):
     kind = "FLAKES"
     label = "Flakes"
     help = "Flat mirrors, each with a tilt of its own: metallic paint, glitter, mica"
+    interpolation = CLOSEST
 
     coverage: float = setting(1.0, "Coverage", "Part of the surface that flakes cover: how many there are, not how "
                               "bright they are", low=0.0, high=1.0, quantity=FACTOR)
@@ -58,7 +59,7 @@ class Flakes(Generator):
             if chance > 0:
                 layer = self._layer(population, chance, number, resolution)
                 _put_below(layer, normals, presence, ids)
-        return Microstructure(normals, presence, ids, self.extent, CLOSEST)
+        return Microstructure(normals, presence, ids, self.extent, self.interpolation)
 
     def _chances(self) -> list[float]:
         """The chance of each place in a population's own pattern to hold a flake, the first population on top.

@@ -25,6 +25,7 @@ class Grains(Generator):
     kind = "GRAINS"
     label = "Grains"
     help = "Grains with a few flat facets of random tilt each: snow, sand, sugar"
+    interpolation = CLOSEST
 
     size: float = setting(0.0005, "Size", "Mean width of a grain", low=1e-7, high=1.0, quantity=LENGTH)
     size_spread: float = setting(0.3, "Size Spread", "Standard deviation of the widths, in relation to their mean",
@@ -61,7 +62,7 @@ class Grains(Generator):
         slopes = slopes[facet]
         if self.dome * self.worn > 0:
             slopes += np.float32(2 * self.dome * self.worn) * place
-        return Microstructure(normals_of(slopes), None, ids, self.extent, CLOSEST)
+        return Microstructure(normals_of(slopes), None, ids, self.extent, self.interpolation)
 
 
 def _nearest_facet(place, grain, points, facets):

@@ -36,11 +36,12 @@ class Microstructure:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Generator:
-    """Base of all generators. A subclass sets `kind`, `label`, `help` and `made()`."""
+    """Base of all generators. A subclass sets what the class says of itself, and `made()`."""
 
     kind: ClassVar[str]  # as files have it
     label: ClassVar[str]
     help: ClassVar[str]
+    interpolation: ClassVar[str]  # how to read the normals
 
     seed: int = setting(1, "Seed", "Another number gives another surface of the same kind", low=0, high=2**31 - 1)
     extent: float = setting(

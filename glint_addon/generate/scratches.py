@@ -28,6 +28,7 @@ class Scratches(Generator):
     kind = "SCRATCHES"
     label = "Scratches"
     help = "Grooves, straight or in arcs of polishing, flat between them"
+    interpolation = LINEAR
 
     shape: str = setting(STRAIGHT, "Shape", "What the scratches look like", choices=_SHAPES)
     density: float = setting(150.0, "Density", "Scratches on a square centimetre", low=0.0, high=1e6)
@@ -43,7 +44,7 @@ class Scratches(Generator):
     direction_spread: float = setting(0.15, "Direction Spread", "Standard deviation of a scratch's direction; from 3 "
                                       "on all directions are as frequent", low=0.0, high=10.0, quantity=ANGLE)
     radius: float = setting(0.004, "Radius", "Mean radius of the circles of swirls", low=1e-5, high=100.0,
-                            quantity=LENGTH)
+                            quantity=LENGTH, only=("shape", (SWIRLS,)))
     bundle: int = setting(1, "Bundle", "How many scratches lie beside each other, as one stroke leaves them", low=1,
                           high=100)
 
@@ -55,7 +56,7 @@ class Scratches(Generator):
         drawn = grooves._replace(width=grooves.width * wider, depth=grooves.depth * wider)
         slopes, number = carved(drawn, self.extent, resolution)
         ids = np.concatenate([self.random(1).random(len(grooves.width), np.float32), [np.float32(0)]])
-        return Microstructure(normals_of(slopes), number >= 0, ids[number], self.extent, LINEAR)
+        return Microstructure(normals_of(slopes), number >= 0, ids[number], self.extent, self.interpolation)
 
     def _grooves(self) -> Grooves:
         """All scratches of a repeat, strokes of a bundle each."""

@@ -20,6 +20,7 @@ class Sequins(Generator):
     kind = "SEQUINS"
     label = "Sequins"
     help = "Round discs in rows that overlap, each with a tilt of its own: sequins, scales"
+    interpolation = CLOSEST
 
     size: float = setting(0.006, "Size", "Diameter of a sequin", low=1e-6, high=1.0, quantity=LENGTH)
     spacing: float = setting(0.005, "Spacing", "Distance between the centres of two neighbours, at least half of Size",
@@ -51,7 +52,7 @@ class Sequins(Generator):
         ids = rng.random(lattice.count, np.float32)[sequin] * presence
         normals = normals_of(random_slopes(self, lattice.count, rng))[sequin]
         normals[~presence] = (0, 0, 1)
-        return Microstructure(normals, presence, ids, self.extent, CLOSEST)
+        return Microstructure(normals, presence, ids, self.extent, self.interpolation)
 
     def _lattice(self, columns):
         rng, shape = self.random(0), (rows_of(columns), columns)

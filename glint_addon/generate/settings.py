@@ -27,7 +27,8 @@ class Setting:
     """What a field of a generator says of itself; `help` is a sentence without its final period, as Blender's are.
 
     low, high: the smallest and largest value allowed, of numbers only. quantity: LENGTH (metres), ANGLE (radians),
-    FACTOR (a share or ratio), COLOR (three numbers, linear) or NUMBER. choices: of texts only.
+    FACTOR (a share or ratio), COLOR (three numbers, linear) or NUMBER. choices: of texts only. only: (name, values) of
+    another setting, with which alone this one has an effect; ("", ()): always.
     """
 
     label: str
@@ -36,6 +37,7 @@ class Setting:
     high: float = math.inf
     quantity: str = NUMBER
     choices: tuple[Choice, ...] = ()
+    only: tuple[str, tuple[str, ...]] = ("", ())
 
 
 _KEY = "setting"

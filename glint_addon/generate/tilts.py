@@ -29,19 +29,20 @@ def distribution_setting():
 def roughness_setting(default: float):
     """The field of a generator that says how far facets lean by Beckmann or GGX."""
     return setting(default, "Roughness", "How far facets lean: seen from far, they look as a Glossy BSDF of this "
-                   "roughness does", low=0.0, high=1.0, quantity=FACTOR)
+                   "roughness does", low=0.0, high=1.0, quantity=FACTOR,
+                   only=("distribution", (BECKMANN, GGX)))
 
 
 def cone_setting():
     """The field of a generator with the half-angle of the cone."""
-    return setting(0.35, "Cone", "Largest tilt of a facet that is not in the tail, of Distribution Cone", low=0.0,
-                   high=1.4, quantity=ANGLE)
+    return setting(0.35, "Cone", "Largest tilt of a facet that is not in the tail", low=0.0, high=1.4,
+                   quantity=ANGLE, only=("distribution", (CONE,)))
 
 
 def tail_setting():
     """The field of a generator with the share of facets beyond the cone."""
     return setting(0.0, "Tail", "Share of the facets that lean farther than the cone, on average by half its angle",
-                   low=0.0, high=1.0, quantity=FACTOR)
+                   low=0.0, high=1.0, quantity=FACTOR, only=("distribution", (CONE,)))
 
 
 def random_slopes(tilt, count: int, rng: np.random.Generator) -> np.ndarray:

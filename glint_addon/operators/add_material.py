@@ -81,6 +81,7 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
         target = context.object
         check_uv_map(target, self.uv_map, context)
         normal_map = self.chosen_map(context)
+        self.follow_generated(normal_map)
         material = create_glint_material(
             self.name or f"Glint {map_title(normal_map)}",
             normal_map,

@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..errors import SceneError
+from ..images import recipe_of
 from ..nodes.map_binding import READING, MapBinding
 from ..nodes.map_choices import CHOICES, CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION, SURFACE, Choice
 from ..nodes.surface_kinds import KINDS
@@ -40,6 +41,12 @@ class MapSettings:
     def reading(self) -> dict:
         """How the map is read: arguments of `create_glint_material` and of `MapBinding`."""
         return {name: getattr(self, name) for name in READING}
+
+    def follow_generated(self, normal_map):
+        """Read a generated map as its kind wants it, unless the user chose; `normal_map` is a path or an image."""
+        recipe = recipe_of(normal_map) if isinstance(normal_map, bpy.types.Image) else None
+        if recipe is not None and not self.properties.is_property_set("interpolation"):
+            self.interpolation = recipe.generator.interpolation
 
     def start_from(self, binding: MapBinding):
         """Let the settings be those of `binding`; its image is left to the caller."""

@@ -3,11 +3,13 @@
 import bpy
 
 from . import menus
+from .generate_panel import GLINT_PT_generate
 from .lights_panel import GLINT_PT_lights
 from .panel import GLINT_PT_material, GLINT_PT_tables
 
 classes = (
     GLINT_PT_material,
+    GLINT_PT_generate,
     GLINT_PT_lights,
     GLINT_PT_tables,
 )

@@ -35,6 +35,9 @@ class Layout:
         self.seen.append(f"[{text or name}]")
         return SimpleNamespace()
 
+    def operator_menu_enum(self, name, property, *, text=""):
+        self.seen.append(f"[{text or name}: {property}]")
+
     def template_ID(self, data, name, **_settings):  # noqa: N802  (Blender's name)
         assert hasattr(data, name)
         self.seen.append(f"<{name}>")

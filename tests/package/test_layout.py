@@ -26,9 +26,9 @@ ALLOWED = {
         "animation", "bake", "choice", "errors", "images", "lights", "materials", "nodes", "paths", "properties",
         "seen",
     },
-    "operators": {"errors", "images", "materials", "nodes", "prepare", "properties"},
+    "operators": {"errors", "generate", "images", "materials", "nodes", "prepare", "properties"},
     "cli": {"bake", "errors", "materials", "nodes", "operators", "paths", "prepare"},
-    "ui": {"errors", "images", "materials", "nodes", "operators", "prepare"},
+    "ui": {"errors", "generate", "images", "materials", "nodes", "operators", "prepare"},
     "": {"cli", "operators", "prepare", "ui"},
     "__main__": {"", "cli"},
 }

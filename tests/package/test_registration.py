@@ -75,7 +75,10 @@ def test_the_operators_have_the_names_that_stay(registered):
     assert {"add_material", "prepare", "add_node_group"} <= set(dir(bpy.ops.glint))
 
 
-@pytest.mark.parametrize("name", ["add_material", "change_map", "prepare", "keep_glints", "add_node_group"])
+@pytest.mark.parametrize("name", [
+    "add_material", "change_map", "prepare", "keep_glints", "add_node_group", "generate_map", "regenerate_map",
+    "change_parts",
+])
 def test_every_operator_and_setting_has_a_tooltip_without_a_final_period(registered, name):
     operator = getattr(bpy.ops.glint, name).get_rna_type()
     own = [p for p in operator.properties if p.identifier != "rna_type" and not p.is_hidden]
@@ -84,7 +87,8 @@ def test_every_operator_and_setting_has_a_tooltip_without_a_final_period(registe
 
 
 def test_every_operator_can_be_undone(registered):
-    for name in ("GLINT_OT_add_material", "GLINT_OT_prepare", "GLINT_OT_keep_glints", "GLINT_OT_add_node_group"):
+    for name in ("GLINT_OT_add_material", "GLINT_OT_prepare", "GLINT_OT_keep_glints", "GLINT_OT_add_node_group",
+                 "GLINT_OT_generate_map", "GLINT_OT_regenerate_map", "GLINT_OT_change_parts"):
         assert {"REGISTER", "UNDO"} <= set(getattr(bpy.types, name).bl_options)
 
 
