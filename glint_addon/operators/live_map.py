@@ -101,7 +101,7 @@ def _begin(uid):
     global _thread, _making
     del _due[uid]
     image = _image(uid)
-    if image is None:
+    if image is None or not is_preview(image):
         return
     recipe = recipe_from(image.glint)
     _thread = _thread or ThreadPoolExecutor(1, thread_name_prefix="glint")
@@ -114,7 +114,7 @@ def _end():
     uid, recipe, made = _making
     _making = None
     image = _image(uid)
-    if image is None or uid in _due or not is_preview(image) or recipe_from(image.glint) != recipe:
+    if image is None or not is_preview(image) or recipe_from(image.glint) != recipe:
         return
     try:
         show(image, recipe, made.result())

@@ -45,6 +45,13 @@ def test_slopes_are_minus_the_derivatives_of_one_height():
     np.testing.assert_allclose(p * frequency[:, None], q * frequency[None, :], atol=2e-4 * np.abs(p).max() * 8)
 
 
+def test_waves_are_where_they_are_at_every_resolution():
+    coarse, fine = (random_slopes(lambda j, k: np.exp(-(j**2 + k**2) / 50), (16, 16), resolution,
+                                  np.random.default_rng(1))[0] for resolution in (64, 192))
+    # The middle one of three fine texels has the centre of a coarse one.
+    np.testing.assert_allclose(fine[1::3, 1::3], coarse, atol=1e-5 * np.abs(coarse).max())
+
+
 def test_the_streaks_of_brushed_metal_have_length_width_and_strength():
     generator = Brushed(extent=0.01, length=0.0008, width=0.0001, slope=0.15)
     found = slopes(generator)

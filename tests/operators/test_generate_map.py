@@ -236,7 +236,9 @@ def test_a_file_is_saved_with_full_maps(window, tmp_path):
     image.glint.bumps.slope = 0.2
     assert is_preview(image)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "waves.blend"))
-    assert image.size[:] == (256, 256) and live_map.tick() is None
+    assert live_map.tick() is None
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "waves.blend"))
+    assert bpy.context.scene.glint.normal_map.size[:] == (256, 256) and live_map.tick() is None
 
 
 def test_small_maps_that_undoing_brings_back_become_full_ones(window):
