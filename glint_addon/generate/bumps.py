@@ -13,6 +13,7 @@ from .settings import LENGTH, setting
 # The waves around a wavelength: relative standard deviation of their frequencies. Less looks like ripples, more like
 # noise without a size.
 BAND = 0.2
+MOST = 1024  # waves along a repeat: finer ones would not be seen in the finest map
 REACH = 3.5  # standard deviations beyond which waves are left out: two of a million
 
 
@@ -43,7 +44,7 @@ class Bumps(Generator):
         return Microstructure(normals_of(slopes), None, None, self.extent, self.interpolation)
 
     def _waves(self, wavelength, slope, resolution, rng):
-        self.columns_of(wavelength, "Wavelength")
+        self.columns_of(wavelength, "Wavelength", MOST)
         middle = self.extent / wavelength
 
         def amplitude(j, k):

@@ -48,7 +48,8 @@ class Grains(Generator):
 
         # The facets of all grains, their points in a disc as wide as a mean grain.
         rng, count = self.random(2), lattice.count * self.facets
-        radius, turn = 0.5 * np.sqrt(rng.random(count)), rng.random(count) * 2 * np.pi
+        radius = 0.5 * np.sqrt(rng.random(count, np.float32))
+        turn = rng.random(count, np.float32) * np.float32(2 * np.pi)
         points = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=-1).astype(np.float32)
         # Points from their common middle: the dome's slope is 0 there.
         points = points.reshape(lattice.count, self.facets, 2)

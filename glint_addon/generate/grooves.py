@@ -47,7 +47,7 @@ def carved(grooves: Grooves, extent: float, resolution: int) -> tuple[np.ndarray
     texel = extent / resolution
     for numbers, steps, lanes in _groups(grooves, texel):
         part = grooves.part(numbers)
-        at_s = np.minimum(np.arange(steps)[None, :, None] * (STEP * texel), part.length)
+        at_s = np.minimum(np.asarray(steps)[None, :, None] * (STEP * texel), part.length)
         at_t = np.minimum(np.arange(lanes)[None, None, :] * (STEP * texel), part.width) - part.width / 2
         x, y = position(part, at_s, at_t)
         column, row = np.floor(x / texel), np.floor(y / texel)
@@ -63,18 +63,26 @@ def carved(grooves: Grooves, extent: float, resolution: int) -> tuple[np.ndarray
     return slopes.reshape(resolution, resolution, 2), owner.reshape(resolution, resolution)
 
 
-def _groups(grooves, texel) -> Iterator[tuple[np.ndarray, int, int]]:
-    """Numbers of grooves of like size, and how many points a walk needs along and across the largest of them."""
+def walk(grooves: Grooves, texel: float) -> tuple[np.ndarray, np.ndarray]:
+    """How many points a walk over each groove has along it and across it, (n,) each; texel: its side in metres."""
     steps = np.ceil(grooves.length / texel / STEP).astype(int) + 1
-    lanes = np.ceil(grooves.width / texel / STEP).astype(int) + 1
+    return steps, np.ceil(grooves.width / texel / STEP).astype(int) + 1
+
+
+def _groups(grooves, texel) -> Iterator[tuple[np.ndarray, range, int]]:
+    """Numbers of grooves of like size, a part of the points along them, and how many there are across the widest."""
+    steps, lanes = walk(grooves, texel)
     order = np.lexsort((steps, lanes))
     start = 0
     while start < len(order):
         # The next ones are about as large as this one.
         first = order[start]
         stop = start + max(1, int(POINTS // (steps[first] * lanes[first])))
-        numbers = order[start:stop]
-        yield numbers.astype(np.int32), int(steps[numbers].max()), int(lanes[numbers].max())
+        numbers = order[start:stop].astype(np.int32)
+        most, across = int(steps[numbers].max()), int(lanes[numbers].max())
+        at_once = max(1, POINTS // (across * len(numbers)))
+        for step in range(0, most, at_once):
+            yield numbers, range(step, min(step + at_once, most)), across
         start = stop
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import GenerateError
-from .grooves import Grooves, carved
+from .grooves import STEP, Grooves, carved, walk
 from .microstructure import LINEAR, Generator, Microstructure, normals_of
 from .settings import ANGLE, FACTOR, LENGTH, Choice, setting
 
@@ -18,6 +18,7 @@ _SHAPES = (
 )
 SQUARE_CENTIMETRE = 1e-4  # square metres
 MOST = 1_000_000  # scratches in a repeat: about a minute
+MOST_POINTS = 300_000_000  # at which grooves are looked at: half a minute
 APART = 3.0  # distance between neighbours of a bundle, in widths
 
 
@@ -54,6 +55,11 @@ class Scratches(Generator):
         texel = self.extent / resolution
         wider = np.maximum(1.0, 2 * texel / grooves.width)
         drawn = grooves._replace(width=grooves.width * wider, depth=grooves.depth * wider)
+        steps, lanes = walk(drawn, texel)
+        if np.dot(steps, lanes) > MOST_POINTS:
+            times = np.dot(steps, lanes) * STEP**2 / resolution**2
+            raise GenerateError(f"Scratches cover a repeat of {self.extent:g} metres {times:.0f} times over: choose a "
+                                "smaller Density, Length or Width.")
         slopes, number = carved(drawn, self.extent, resolution)
         ids = np.concatenate([self.random(1).random(len(grooves.width), np.float32), [np.float32(0)]])
         return Microstructure(normals_of(slopes), number >= 0, ids[number], self.extent, self.interpolation)

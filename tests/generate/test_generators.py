@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from glint_addon.errors import GenerateError, GlintError
-from glint_addon.generate import GENERATORS, PRESETS, Generator, encoded, normals_of, slopes_of
+from glint_addon.generate import (
+    GENERATORS,
+    PRESETS,
+    Generator,
+    Population,
+    encoded,
+    normals_of,
+    settings_of,
+    slopes_of,
+)
 from glint_addon.generate.microstructure import STEEPEST
 
 # Settings under which a map of few texels shows many individuals, and several texels of each.
@@ -132,3 +141,42 @@ def test_lengths_scale_with_the_extent():
     small = shown("DENTS")
     large = replace(small, extent=1.0, size=0.05, depth=0.002)
     np.testing.assert_allclose(small.microstructure(64).normals, large.microstructure(64).normals, atol=1e-6)
+
+
+def anything(owner, rng) -> dict:
+    """Settings of a dataclass drawn over their whole ranges, lengths and densities by their logarithm."""
+    values = {}
+    for name, described in settings_of(owner).items():
+        default = getattr(owner(), name)
+        if name == "populations":
+            values[name] = tuple(Population(**anything(Population, rng)) for _ in range(rng.integers(1, 4)))
+        elif described.choices:
+            values[name] = str(rng.choice([choice.value for choice in described.choices]))
+        elif isinstance(default, int):
+            values[name] = int(rng.integers(described.low, described.high + 1))
+        elif described.low > 0:
+            values[name] = float(np.exp(rng.uniform(np.log(described.low), np.log(described.high))))
+        else:
+            # Ends of the range as often as what is between.
+            values[name] = float(rng.choice([described.low, described.high, rng.uniform(described.low, default)]))
+    return values
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_settings_in_their_ranges_give_a_map_or_a_sentence(kind):
+    rng, made = np.random.default_rng(9), 0
+    for _ in range({"SCRATCHES": 8, "BRUSHED": 12}.get(kind, 40)):  # those take seconds with their largest settings
+        values = anything(GENERATORS[kind], rng)
+        # A tenth of all are small enough for a repeat; let the others be so too, every other time.
+        if rng.random() < 0.5:
+            lengths = [value for name, value in values.items() if name in ("size", "spacing", "width", "wavelength")]
+            values["extent"] = min(100.0, max(lengths, default=1e-3) * float(rng.uniform(2, 50)))
+        try:
+            found = GENERATORS[kind](**values).microstructure(64)
+        except GenerateError as error:
+            assert str(error).endswith(".") and ": choose" in str(error)
+            continue
+        made += 1
+        np.testing.assert_allclose(np.linalg.norm(found.normals, axis=-1), 1, atol=1e-5)
+        assert found.normals[..., 2].min() > 0.08
+    assert made > 2
