@@ -71,6 +71,11 @@ def make(image: bpy.types.Image, recipe: Recipe, resolution: int | None = None) 
     return True
 
 
+def is_coming(image: bpy.types.Image) -> bool:
+    """Whether the full map of an image is still to be made, so that a render would show the small one."""
+    return image.session_uid in _due or (_making is not None and _making[0] == image.session_uid)
+
+
 def begin_soon(image: bpy.types.Image):
     """Let the full map be made after DELAY, counted anew at each call."""
     _due[image.session_uid] = time.monotonic() + DELAY

@@ -5,6 +5,7 @@ import bpy
 from ..generate import GENERATORS, Coloring, settings_of
 from ..operators.generate_map import active_map
 from ..operators.generated_settings import PART_GROUPS, kind_settings
+from ..operators.live_map import is_coming
 from .place import GlintPanel
 from .text import draw_sentence
 
@@ -33,6 +34,8 @@ def draw_map(layout, context, image):
         draw_sentence(layout, context, state.problem, "ERROR")
         operator = layout.operator("glint.regenerate_map", text="Overwrite Edits", icon="FILE_REFRESH")
         operator.image, operator.overwrite = image.name, True
+    if is_coming(image):
+        layout.label(text="This is a small map: the full one follows", icon="TIME")
     column = layout.column()
     column.use_property_split = True
     column.prop(state, "kind")

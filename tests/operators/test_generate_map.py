@@ -14,8 +14,10 @@ from glint_addon.operators import live_map
 from glint_addon.operators.generate_map import STARTS, active_map
 from glint_addon.operators.generated_settings import KIND_GROUPS, fill, kind_settings, recipe_from
 from glint_addon.properties import GENERATED_COLOR, GENERATED_PRESENCE
+from glint_addon.ui.generate_panel import GLINT_PT_generate
 from tests.helpers import cycles
 from tests.helpers.extension import data_names
+from tests.helpers.panel import words_of
 
 pytestmark = pytest.mark.usefixtures("registered", "scene")
 
@@ -191,6 +193,7 @@ def wait_for_thread():
 def test_a_small_map_is_shown_at_once_and_the_full_one_after_a_pause(window):
     image = generated(resolution="256")
     image.glint.bumps.slope = 0.2
+    assert "This is a small map: the full one follows" in words_of(GLINT_PT_generate)
     assert image.size[:] == (64, 64) and is_preview(image) and bpy.app.timers.is_registered(live_map.tick)
     window.now += 0.75 * live_map.DELAY
     image.glint.bumps.slope = 0.3
@@ -198,7 +201,8 @@ def test_a_small_map_is_shown_at_once_and_the_full_one_after_a_pause(window):
     assert 0 < live_map.tick() < live_map.DELAY and image.size[:] == (64, 64)  # counted anew from the last change
     window.now += live_map.DELAY
     assert live_map.tick() == live_map.INTERVAL
-    assert wait_for_thread() is None
+    assert live_map.is_coming(image)
+    assert wait_for_thread() is None and not live_map.is_coming(image)
     assert image.size[:] == (256, 256) and recipe_of(image).generator.slope == pytest.approx(0.3)
 
 
