@@ -66,29 +66,25 @@ class Scratches(Generator):
 
     def _grooves(self) -> Grooves:
         """All scratches of a repeat, strokes of a bundle each."""
-        mean = self.density * self.extent**2 / SQUARE_CENTIMETRE / self.bundle
-        rng = self.random(0)
-        strokes = round(mean)
+        strokes = round(self.density * self.extent**2 / SQUARE_CENTIMETRE / self.bundle)
         count = strokes * self.bundle
         if count > MOST:
             raise GenerateError(f"Scratches of Density {self.density:g} are {count} in one repeat of {self.extent:g} "
                                 f"metres, more than {MOST}: choose a smaller Density or Extent.")
-        place = rng.random((strokes, 2)) * self.extent
-        angle = self.direction + rng.integers(self.directions, size=strokes) * (np.pi / self.directions)
-        angle += rng.standard_normal(strokes) * self.direction_spread
-        side = rng.choice([-1.0, 1.0], strokes)
-        radius = self.radius * self._varied(rng, strokes) * side
+        # Random numbers of its own for each property: a larger density adds scratches and moves none.
+        rng = [self.random(0, number) for number in range(10)]
+        place = rng[0].random((strokes, 2)) * self.extent
+        angle = self.direction + rng[1].integers(self.directions, size=strokes) * (np.pi / self.directions)
+        angle += rng[2].standard_normal(strokes) * self.direction_spread
+        radius = self.radius * self._varied(rng[3], strokes) * np.where(rng[4].random(strokes) < 0.5, -1, 1)
 
         # Neighbours in a bundle lie at random across it, and begin anywhere within a length.
-        across = rng.standard_normal(count) * self.width * APART * np.sqrt(self.bundle - 1)
-        across = across.reshape(strokes, self.bundle)
-        along = (rng.random((strokes, self.bundle)) - 0.5) * self.length * (self.bundle > 1)
+        across = rng[5].standard_normal(count) * self.width * APART * np.sqrt(self.bundle - 1)
+        along = (rng[6].random(count) - 0.5) * self.length * (self.bundle > 1)
         x, y, angle, radius = (np.repeat(values, self.bundle) for values in (*place.T, angle, radius))
-        return Grooves(
-            x=x, y=y, angle=angle, across=across.ravel(), along=along.ravel(),
-            length=self.length * self._varied(rng, count), width=self.width * self._varied(rng, count),
-            depth=self.depth * self._varied(rng, count), radius=radius if self.shape == SWIRLS else None,
-        )
+        length, width, depth = (mean * self._varied(random, count) for mean, random in
+                                zip((self.length, self.width, self.depth), rng[7:], strict=True))
+        return Grooves(x, y, angle, across, along, length, width, depth, radius if self.shape == SWIRLS else None)
 
     def _varied(self, rng, count):
         return 1 + self.variation * rng.uniform(-1, 1, count)

@@ -140,6 +140,14 @@ def test_scratches_are_as_many_and_as_long_as_wanted():
     assert found.presence.mean() == pytest.approx(80 * 0.002 * 0.0001 / 0.02**2, rel=0.1)  # less where they cross
 
 
+@pytest.mark.parametrize("shape", ["STRAIGHT", "SWIRLS"])
+def test_a_larger_density_adds_scratches_and_moves_none(shape):
+    few, many = (Scratches(shape=shape, density=density, bundle=2).microstructure(256) for density in (40.0, 80.0))
+    numbers = set(np.unique(few.id[few.presence]))
+    assert len(numbers) == 160 and numbers < set(np.unique(many.id))
+    assert many.presence[few.presence].all() and many.presence.mean() > 1.5 * few.presence.mean()
+
+
 @pytest.mark.parametrize(("directions", "axes"), [(1, (1,)), (2, (0, 1))])
 def test_scratches_lie_across_their_slopes(directions, axes):
     found = slopes(Scratches(directions=directions, direction_spread=0.0, density=100.0))
