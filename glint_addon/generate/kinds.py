@@ -28,7 +28,10 @@ PRESETS: dict[str, Generator] = {
     "Sand": SAND,
     "Sugar": SUGAR,
     "Orange Peel": ORANGE_PEEL,
-    "Polishing Swirls": Scratches(shape=SWIRLS, density=400, length=0.01, direction_spread=5.0, bundle=4),
+    "Polishing Swirls": Scratches(
+        shape=SWIRLS, density=120.0, length=0.012, width=0.000015, depth=0.000001, direction_spread=5.0, radius=0.008,
+        bundle=4,
+    ),
 }
 # Elements of the settings that are several dataclasses, by name.
 PARTS = {"populations": Population, "stops": Stop}
