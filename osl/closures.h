@@ -1,6 +1,7 @@
 #pragma once
 /* Closures of what is selected. */
 
+#include "flakes.h"
 #include "selection.h"
 
 /* Cycles drops closures whose weight is below 1e-5, so Russian roulette keeps some of the lighter ones at this
@@ -69,8 +70,8 @@ closure color glint_closure(Facet facet, float weight, color tint, HalfVector hi
 
 /* Sum of the closures of a selection and of the remainder. total: the sum to which the selection's weights are
  * relative. */
-closure color selection_closures(Query query, Selection s, float total, closure color remainder,
-                                 output SampleCosts costs)
+closure color selection_closures(Query query, output Map map, Hit hit, Selection s, float total,
+                                 closure color remainder)
 {
   closure color sum = remainder;
   for (int k = 0; k < min(s.count, s.limit); ++k) {
@@ -82,8 +83,12 @@ closure color selection_closures(Query query, Selection s, float total, closure 
         w *= merged_reflection(hint, query.facet.alpha, lobe);
       }
       /* Add in this order: Cycles flattens sum + x only 16 deep and drops the rest. */
-      sum = glint_closure(query.facet, w, color(1.0), hint, lobe) + sum;
-      costs.closures += 1;
+      color tint = 1.0;
+      if (map.flakes.have_colors) {
+        tint = element_color(map, hit, s.is_merged, lobe.place1, lobe.place2);
+      }
+      sum = glint_closure(query.facet, w, tint, hint, lobe) + sum;
+      map.costs.closures += 1;
     }
   }
   return sum;

@@ -72,8 +72,8 @@ Grid cell_parts(Grid grid, int cell)
   return parts;
 }
 
-/* The lobe of cell c, of weight `weight`. */
-SlopeLobe cell_lobe(Query query, int k, Cells cells, Grid grid, Masses m, int c, float weight)
+/* The lobe of cell c, of weight `weight`; bins: of the level, along each slope. */
+SlopeLobe cell_lobe(Query query, int k, Cells cells, float bins, Grid grid, Masses m, int c, float weight)
 {
   HalfVector hint = query.hints[k];
   float x = m.first1[c] / m.mass[c];
@@ -85,6 +85,8 @@ SlopeLobe cell_lobe(Query query, int k, Cells cells, Grid grid, Masses m, int c,
   y += grid.stride2 == 1 && m.width2 > CELL_NARROW ? query.random[1] - 0.5 : 0.0;
   SlopeLobe lobe;
   lobe.weight = weight;
+  lobe.place1 = (cells.centre1 + x) / bins;
+  lobe.place2 = (cells.centre2 + y) / bins;
   float l1 = cells.p11 * x + cells.p12 * y;
   float l2 = cells.p21 * x + cells.p22 * y;
   float quotient = 1.0 / max(1.0 - l1 * cells.tilt1 - l2 * cells.tilt2, 0.1);
@@ -122,7 +124,7 @@ void counts_query(output Map map, Level level, Query query, Cells cells[HINT_COU
       for (int c = 0; c < grid.columns * grid.rows; ++c) {
         float w = mass[c] / (groups.total * blocks.side_u * blocks.side_v);
         if (w > 0.0 && c != peak && (pass > 0 || cell_is_selected(cells, k, c % grid.columns, c / grid.columns))) {
-          select_element(s, k, query.hints[k].radius, cell_lobe(query, k, own, grid, m, c, w));
+          select_element(s, k, query.hints[k].radius, cell_lobe(query, k, own, level.corners - 1.0, grid, m, c, w));
         }
       }
       if (peak >= 0) {

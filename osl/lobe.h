@@ -7,37 +7,16 @@
 #include "counts.h"
 #include "pixel_grid.h"
 #include "slope_index.h"
+#include "view.h"
 
 /* A material that allows so few visits uses no counts, which would take longer: decision 8. */
 #define COUNTS_VISITS 512
-
-/* How the shading point is seen. */
-struct View {
-  float samples; /* a pixel */
-  int on_grid;   /* whether the pixel filter is that of pixel_grid.h, and the camera rests */
-  float diffuse_distance; /* metres to the diffuse bounce before this point; 0: there was none */
-  Matrix2 texels; /* texel coordinates by Dx(P), Dy(P) */
-};
 
 /* The scene's lights: see light_hint.h. */
 struct Lights {
   vector place[HINT_COUNT];
   vector shape[HINT_COUNT];
 };
-
-/* The round footprint of a sample. Returns 0 where the UVs have no derivatives. */
-int round_footprint(View view, output Footprint footprint)
-{
-  float radius = footprint_radius(view.samples);
-  vector towards = view.diffuse_distance > 0.0 ? vector(Ng) : I;
-  if (!surface_footprint(cone_on_surface(Dx(P), Dy(P), towards, Ng, radius), view.texels, footprint)) {
-    return 0;
-  }
-  if (view.diffuse_distance > 0.0) {
-    scale_footprint(caustic_scale(footprint, radius * length(Dx(P)), view.diffuse_distance), footprint);
-  }
-  return 1;
-}
 
 /* The footprint on the pixel grid. Whether it is used must not depend on the sample's place in the grid, or light would
  * be gained or lost: so the round footprint and the widest one, which is returned, decide. A close view, whose round
@@ -161,7 +140,7 @@ closure color patch_closure(Query query, output Map map, Hit hit, NormalFrame fr
   float deviation = sqrt(KERNEL_VARIANCE);
   PatchPart part = { hit.u - hit.i, hit.v - hit.j, deviation * query.footprint.ux, deviation * query.footprint.vx,
                      deviation * query.footprint.uy, deviation * query.footprint.vy };
-  SlopeLobe lobe = { 1.0, 0.0, 0.0, 0.0, 0.0, 0.0 };
+  SlopeLobe lobe = { 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 };
   spread_over_part(around, map_patch(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height)), part, lobe);
   return glint_closure(query.facet, 1.0, color(1.0), around, lobe);
 }
@@ -200,8 +179,8 @@ float select_elements(output Map map, Query query, Hit hit, View view, output in
   return visit_elements(map, query, mode, map.is_linear && view.samples > 1.0 ? SURE_WEIGHT : 0.0, s);
 }
 
-/* The lobe. s: empty, for as many closures as the lobe may return besides the remainder. plain: the
- * closure of the normal at the hit point, which is returned alone where no hinted light can show a glint. */
+/* The lobe. s: empty, for as many closures as the lobe may return besides the remainder. plain: the closure of the
+ * normal at the hit point, which is returned alone where no hinted light can show a glint; 0 where no flake is. */
 closure color glint_lobe(Facet facet, output Map map, NormalFrame frame, Hit hit, View view, Lights lights,
                          output Selection s, closure color plain)
 {
@@ -239,10 +218,10 @@ closure color glint_lobe(Facet facet, output Map map, NormalFrame frame, Hit hit
   int is_selected = 0;
   float total = select_elements(map, query, hit, view, mode, s, is_selected);
   map.costs.mode = mode;
-  map.costs.closures = !is_selected;
+  map.costs.closures = !is_selected && hit.is_flake;
   closure color remainder = 0;
   if (!is_selected) {
     remainder = plain;
   }
-  return selection_closures(query, s, total / share, remainder, map.costs);
+  return selection_closures(query, map, hit, s, total / share, remainder);
 }

@@ -13,6 +13,17 @@ struct Counts {
   vector high; /* slopes of the highest corner */
 };
 
+/* The table of the map's flakes: see flakes.h. Texels that are no flakes have the normal 0. */
+struct MapFlakes {
+  string table;
+  int are_there;   /* else all texels are facets of the surface, and the table is never read */
+  int have_colors; /* of their own, else all are 1 */
+  int levels;      /* above the level of single texels */
+  int log_width;   /* of the texture, whose sides are powers of two */
+  float inverse_width;
+  float inverse_height;
+};
+
 struct Map {
   string table;
   int width;
@@ -26,12 +37,19 @@ struct Map {
   Counts counts;
   string index; /* table of slope_index.h */
   int is_indexed; /* whether the index exists */
+  MapFlakes flakes;
   int visits;     /* most elements that a sample visits (query.h), up to LARGEST_VISIT */
   /* Right corners of the patch that was fetched before, which are the left corners of the next patch in its row. */
   int kept;    /* row times map width plus column of these corners plus 1; 0: no corners are kept */
   vector kept_low;
   vector kept_high;
   SampleCosts costs; /* of this sample so far */
+};
+
+/* The flakes around a hit point. */
+struct FlakesAround {
+  float coverage; /* part of the area, 0..1 */
+  color mean;     /* colour, of blocks of more than one texel */
 };
 
 /* The map at the hit point. */
@@ -42,6 +60,8 @@ struct Hit {
   float j;
   vector n;        /* tangent-space normal, not normalised */
   vector unscaled; /* tangent-space normal as the map stores it, without Strength */
+  int is_flake;    /* else n and unscaled are 0 */
+  FlakesAround flakes;
 };
 
 int map_is_intact(output Map map)
@@ -57,10 +77,16 @@ vector unscaled_normal(output Map map, int i, int j)
   return table_texel(map.table, map.inverse_padded_width, map.inverse_padded_height, i, j);
 }
 
+/* Whether a texel is a flake, by its normal without Strength; maps without flakes have facets everywhere. */
+int is_flake(Map map, vector unscaled)
+{
+  return !map.flakes.are_there || unscaled != vector(0);
+}
+
 vector map_normal(output Map map, int i, int j)
 {
   vector n = unscaled_normal(map, i, j);
-  return map.strength == 1.0 ? n : strengthened(n, map.strength);
+  return map.strength == 1.0 || !is_flake(map, n) ? n : strengthened(n, map.strength);
 }
 
 /* The bilinear patch between texel (i, j) and its right and upper neighbours: their normals. */
@@ -148,6 +174,7 @@ Hit map_hit(output Map map, point uv)
                                 hit.u - hit.i, hit.v - hit.j);
     map.costs.fetches = plain.costs.fetches;
   }
-  hit.n = strengthened(hit.unscaled, map.strength);
+  hit.is_flake = is_flake(map, hit.unscaled);
+  hit.n = hit.is_flake ? strengthened(hit.unscaled, map.strength) : vector(0);
   return hit;
 }

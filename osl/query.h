@@ -44,6 +44,8 @@ struct SlopeLobe {
   float c11; /* covariance, besides that of a facet */
   float c12;
   float c22;
+  float place1; /* which flakes it shows: see element_color */
+  float place2;
 };
 
 /* How to query a footprint, one of MODE_..., if at most `visits` elements may be visited. */

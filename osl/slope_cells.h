@@ -108,7 +108,8 @@ struct CellRange {
   int to1;
   int from2;
   int to2;
-  int listed; /* texels in all cells of the block; the others, the tail, are always visited */
+  int listed; /* texels in all cells of the block; the other flakes, the tail, are always visited */
+  int absent; /* texels of the block that are no flakes: they are in neither */
   int is_intact; /* whether the block's record is whole (see table_is_intact); else the range has no cells */
 };
 
@@ -135,12 +136,14 @@ CellRange block_cells(output Map map, Index index, int record, SlopeBasis basis,
   range.from2 = (int)clamp((low2 - cells[1]) * scale2 - INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
   range.to2 = (int)clamp((high2 - cells[1]) * scale2 + INDEX_ROUNDING, 0.0, INDEX_ROWS - 1.0);
   range.listed = (int)extent[2];
+  range.absent = (int)extent[0] - 1;
   /* Test one number of each channel, because a damaged file may lose any of them. */
   range.is_intact = magic == INDEX_MAGIC && extent[0] > 0.0 && extent[1] > 0.0 && cells[2] > 0.0 &&
                     extent[2] == floor(extent[2]);
   if (!range.is_intact) {
     range.to2 = range.from2 - 1;
     range.listed = 0;
+    range.absent = 0;
   }
   return range;
 }

@@ -102,7 +102,7 @@ int index_serves(output Map map, Query query)
       row_elements(map, index, record, range, cells, start, end);
       candidates += end - start;
     }
-    candidates += side_u * side_v - range.listed;
+    candidates += side_u * side_v - range.listed - range.absent;
   }
   float share = candidates / (float)(side_u * side_v);
   float listed = share * INDEX_SIDE * INDEX_SIDE;
@@ -128,7 +128,7 @@ void visit_block(output Map map, Index index, Query query, output Block block, i
   /* The loop calls visit_listed at one place only, because OSL compiles each call of a function anew. */
   for (int cells = range.from2; cells <= range.to2 + 1; ++cells) {
     int start = range.listed;
-    int end = (range.is_intact ? block.columns : INDEX_SIDE) * block.rows;
+    int end = (range.is_intact ? block.columns : INDEX_SIDE) * block.rows - range.absent;
     if (cells <= range.to2) {
       row_elements(map, index, block.record, range, cells, start, end);
     }

@@ -46,7 +46,7 @@ Visit whole_visit(Query query)
 
 void visit_texel(output Map map, Query query, Visit visit, output Selection s)
 {
-  SlopeLobe lobe = { visit.weight, 0.0, 0.0, 0.0, 0.0, 0.0 };
+  SlopeLobe lobe = { visit.weight, 0.0, 0.0, 0.0, 0.0, 0.0, visit.i, visit.j };
   vector n = map_normal(map, visit.i, visit.j);
   int found = selecting_hint(query, n, visit.offset_u, visit.offset_v, lobe.p1, lobe.p2);
   if (found >= visit.from && found < visit.to) {
@@ -100,7 +100,7 @@ void visit_patch(output Map map, Query query, Visit visit, output Selection s)
       part.a = (k % columns + 0.5) / columns;
       part.b = (k / columns + 0.5) / rows;
     }
-    SlopeLobe lobe = { visit.weight / (columns * rows), 0.0, 0.0, 0.0, 0.0, 0.0 };
+    SlopeLobe lobe = { visit.weight / (columns * rows), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 };
     int found = selecting_hint(query, patch_normal(patch, part.a, part.b), visit.offset_u + part.a,
                                visit.offset_v + part.b, lobe.p1, lobe.p2);
     if (found >= visit.from && found < visit.to && patch_is_above(query, found, patch)) {

@@ -15,7 +15,7 @@ of two, because Cycles fetches exactly only at (i + 0.5) / 2^n. Texel t of the l
 t / width, row 0 at the top. Colours are linear, from 0 to LARGEST. The list, each array row by row:
 
 * with colours, for each region row by row, each bin of slope v, each bin of slope u: RGB is the mean colour of the
-  region's flakes in the bin, relative to the region's mean; 1 where there are none;
+  region's flakes in the bin, relative to the region's mean; where there are none, that of a larger bin;
 * with colours, level 0: RGB of each texel's flake, A = 1; where no flake is, a colour that nobody sees, and A = 0;
 * levels 1 and on: RGB is the mean colour of the block's flakes, or where it has none that of the smallest larger block
   that has some; A is the part of the block's area that is flakes. Without colours RGB is 1;
@@ -24,7 +24,7 @@ t / width, row 0 at the top. Colours are linear, from 0 to LARGEST. The list, ea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -36,9 +36,9 @@ from .progress import Steps
 from .slope_counts import slope_box
 
 MAGIC = 1949.0  # other kinds of table have other numbers; a 16-bit float holds it
-VERSION = 1  # part of the content address: raise it when the layout changes
-BINS = 32  # along each slope
-REGION = 128  # least side in texels of a region: it has some flakes of most slopes
+VERSION = 2  # part of the content address: raise it when the layout changes
+BINS = 64  # along each slope: decision 74
+REGION = 128  # least side in texels of a region, which has flakes of most slopes: decision 74
 MOST_REGIONS = 8  # along each side of the map
 LARGEST = 65504.0  # that a 16-bit float holds
 BAKED = 0.8  # part of the work done when the table is in memory
@@ -82,13 +82,30 @@ def halved_sums(sums: np.ndarray) -> np.ndarray:
     return sums[::2, ::2] + sums[1::2, ::2] + sums[::2, 1::2] + sums[1::2, 1::2]
 
 
-def level_sums(normals: np.ndarray, colors: np.ndarray | None) -> Iterator[np.ndarray]:
-    """For each level from 0 on the flakes in each block: float32 (rows, columns, 4), the sum of their colours, which
-    are 1 without `colors`, and their number."""
-    presence = are_flakes(normals).astype(np.float32)[..., None]
-    yield (sums := np.concatenate([np.repeat(presence, 3, 2) if colors is None else colors * presence, presence], 2))
-    for _ in range(level_count(*sums.shape[1::-1])):
-        yield (sums := halved_sums(sums))
+def level_sums(sums: np.ndarray) -> list[np.ndarray]:
+    """Sums (rows, columns, channels) over the blocks of each level from 0 on, up to one block, but level 1 at least."""
+    levels = [sums, halved_sums(sums)]
+    while levels[-1].shape[:2] != (1, 1):
+        levels.append(halved_sums(levels[-1]))
+    return levels
+
+
+def filled_means(levels: list[np.ndarray]) -> list[np.ndarray]:
+    """Mean colour (rows, columns, 3) of the flakes in each block of each level.
+
+    levels: of `level_sums`, the sum of the flakes' colours and their number. A block without flakes has the colour of
+    the smallest larger block that has some.
+    """
+    means: list[np.ndarray] = []
+    for sums in reversed(levels):
+        rows, columns = sums.shape[:2]
+        number = sums[..., 3:]
+        mean = sums[..., :3] / np.maximum(number, 1)
+        if means:
+            larger = means[-1].repeat(2, axis=0)[:rows].repeat(2, axis=1)[:, :columns]
+            mean = np.where(number > 0, mean, larger)
+        means.append(mean)
+    return means[::-1]
 
 
 def block_areas(width: int, height: int, level: int) -> np.ndarray:
@@ -100,49 +117,49 @@ def block_areas(width: int, height: int, level: int) -> np.ndarray:
 def pyramid(normals: np.ndarray, colors: np.ndarray | None) -> list[np.ndarray]:
     """Every level from 0 on, float16 (rows, columns, 4): mean colour of the flakes in each block, and their part."""
     height, width = normals.shape[:2]
-    levels: list[np.ndarray] = []
-    above: np.ndarray | None = None
-    for level, sums in reversed([*enumerate(level_sums(normals, colors))]):
-        number = sums[..., 3:]
-        means = sums[..., :3] / np.maximum(number, 1)
-        if above is not None:
-            # Give blocks without flakes the colour of the larger block around them.
-            rows, columns = sums.shape[:2]
-            larger = above.repeat(2, axis=0)[:rows].repeat(2, axis=1)[:, :columns]
-            means = np.where(number > 0, means, larger)
-        part = number / block_areas(width, height, level)[..., None]
-        levels.append(np.concatenate([means, part], axis=2).astype(np.float16))
-        above = means
-    return levels[::-1]
+    presence = are_flakes(normals).astype(np.float32)[..., None]
+    shown = presence.repeat(3, axis=2) if colors is None else colors * presence
+    levels = level_sums(np.concatenate([shown, presence], axis=2))
+    return [
+        np.concatenate([mean, sums[..., 3:] / block_areas(width, height, level)[..., None]], axis=2).astype(np.float16)
+        for level, (sums, mean) in enumerate(zip(levels, filled_means(levels), strict=True))
+    ]
 
 
 def slope_ratios(normals: np.ndarray, colors: np.ndarray) -> np.ndarray:
     """Mean colour of the flakes of each region in each bin of slope, relative to the mean of all its flakes.
 
-    Returns float32 (regions along v, regions along u, BINS along slope v, BINS along slope u, 3); 1 where no flake is.
+    Returns float32 (regions along v, regions along u, BINS along slope v, BINS along slope u, 3). A bin without flakes
+    has the ratio of the smallest larger bin that has some, of 2 x 2, 4 x 4, ... bins; 1 where the region has none.
     """
     height, width = normals.shape[:2]
-    low, high = slope_box(normals)
-    shape = (regions(height), regions(width), BINS, BINS)
-    present = are_flakes(normals)
-    j, i = np.nonzero(present)
-    x, y, z = normals[present].T
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        places = (np.stack([x / z, y / z], axis=1) - low) / (high - low) * BINS
-    is_binned = (z > 0) & ((places >= 0) & (places < BINS)).all(axis=1)
-    place = places[is_binned].astype(int)
-    region = j * shape[0] // height * shape[1] + i * shape[1] // width
-    bins = (region[is_binned] * BINS + place[:, 1]) * BINS + place[:, 0]
-    ratios = np.ones((*shape, 3), np.float32)
-    for channel in range(3):
-        values = colors[present, channel]
-        of_bins = _means(bins, values[is_binned], ratios[..., 0].size).reshape(shape)
-        of_regions = _means(region, values, shape[0] * shape[1]).reshape(*shape[:2], 1, 1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = of_bins / of_regions
-        # A mean of 0 is right whatever it is multiplied by.
-        ratios[..., channel] = np.clip(np.where(np.isfinite(ratio), ratio, 1), 0, LARGEST)
+    box = slope_box(normals)
+    edges_v, edges_u = (-(-np.arange(regions(size) + 1) * size // regions(size)) for size in (height, width))
+    ratios = np.ones((len(edges_v) - 1, len(edges_u) - 1, BINS, BINS, 3), np.float32)
+    for v, u in np.ndindex(ratios.shape[:2]):
+        part = np.s_[edges_v[v] : edges_v[v + 1], edges_u[u] : edges_u[u + 1]]
+        present = are_flakes(normals[part])
+        if present.any():
+            ratios[v, u] = _region_ratios(normals[part][present], colors[part][present], box)
     return ratios
+
+
+def _region_ratios(normals: np.ndarray, colors: np.ndarray, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """`slope_ratios` of one region, (BINS, BINS, 3); normals, colors: (flakes, 3) of its flakes, at least one."""
+    x, y, z = normals.T
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        places = (np.stack([x / z, y / z], axis=1) - box[0]) / (box[1] - box[0]) * BINS
+    is_binned = (z > 0) & ((places >= 0) & (places < BINS)).all(axis=1)
+    columns, rows = places[is_binned].astype(int).T
+    shown = np.column_stack([colors[is_binned], np.ones(is_binned.sum())])
+    sums = np.stack([np.bincount(rows * BINS + columns, values, BINS * BINS) for values in shown.T], axis=1)
+    levels = level_sums(sums.reshape(BINS, BINS, 4))
+    if not levels[-1][..., 3].any():
+        return np.ones((BINS, BINS, 3))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = filled_means(levels)[0] / colors.mean(axis=0, dtype=np.float64)
+    # A mean of 0 is right whatever it is multiplied by.
+    return np.clip(np.where(np.isfinite(ratio), ratio, 1), 0, LARGEST)
 
 
 def flakes_texels(
@@ -206,9 +223,3 @@ def bake_flakes(
     texels = flakes_texels(normals, colors, progress and (lambda part: progress(BAKED * part)))
     write_whole(path, texels, half=True, steps=Steps(progress, len(texels), start=BAKED))
     return path, True
-
-
-def _means(places: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    """Mean of the values at each of `count` places; NaN where there are none."""
-    with np.errstate(invalid="ignore"):
-        return np.bincount(places, values, count) / np.bincount(places, minlength=count)

@@ -1,8 +1,11 @@
 """The flakes table: parts of area and mean colours that add up at every scale; maps of flakes in the other tables."""
 
+import re
+
 import numpy as np
 import pytest
 
+from glint_addon import paths
 from glint_addon.bake import flakes, slope_counts, slope_index, table
 from glint_addon.bake.normal_map import are_flakes, flake_normals, slope_bounds
 from glint_addon.bake.openimageio import oiio
@@ -84,26 +87,48 @@ def test_the_mean_over_hit_points_of_every_level_is_the_presence_of_the_map():
         assert shown.mean() == pytest.approx(presence.mean(), rel=HALF)
 
 
+def places_of(normals, box):
+    """Bins (flakes, 2) of slopes as real numbers, NaN where a normal lies below the horizon."""
+    upright = np.where(normals[:, 2:] > 0, normals[:, 2:], np.nan)
+    return (normals[:, :2] / upright - box[0]) / (box[1] - box[0]) * flakes.BINS
+
+
 def test_ratios_give_each_slope_of_each_region_its_mean_colour():
+    """Where a region has no flake in a bin, the ratio is that of the smallest larger bin that has some."""
     width, height = 300, 260
     normals, colors, presence = sheet(width, height)
+    normals[presence, 2] += 1.5
     ratios = flakes.slope_ratios(normals, colors)
     assert ratios.shape == (2, 2, flakes.BINS, flakes.BINS, 3)
-    low, high = slope_counts.slope_box(normals)
-    known = np.zeros(ratios.shape[:4], bool)
+    box = slope_counts.slope_box(normals)
+    sizes = []
     for v, u in np.ndindex(2, 2):
-        rows = [j for j in range(height) if j * 2 // height == v]
-        columns = [i for i in range(width) if i * 2 // width == u]
-        part = np.ix_(rows, columns)
-        here, shown = normals[part][presence[part]], colors[part][presence[part]]
-        places = (here[:, :2] / here[:, 2:] - low) / (high - low)
-        is_counted = (here[:, 2] > 0) & ((places >= 0) & (places < 1)).all(axis=1)
-        seen, bins = shown[is_counted], (places[is_counted] * flakes.BINS).astype(int)
-        for bin_u, bin_v in {*map(tuple, bins)}:
-            mean = seen[(bins == (bin_u, bin_v)).all(axis=1)].mean(axis=0) / shown.mean(axis=0)
-            np.testing.assert_allclose(ratios[v, u, bin_v, bin_u], mean, rtol=1e-4)
-            known[v, u, bin_v, bin_u] = True
-    assert known.any() and (ratios[~known] == 1).all()
+        part = np.ix_([j for j in range(height) if j * 2 // height == v],
+                      [i for i in range(width) if i * 2 // width == u])
+        shown = colors[part][presence[part]]
+        places = places_of(normals[part][presence[part]], box)
+        for bin_v, bin_u in np.ndindex(flakes.BINS // 5, flakes.BINS // 3):
+            own = np.array([3 * bin_u, 5 * bin_v])
+            side, inside = 1, np.zeros(len(places), bool)
+            while not inside.any():
+                low = own // side * side
+                inside = ((places >= low) & (places < low + side)).all(axis=1)
+                sizes.append(side)
+                side *= 2
+            mean = shown[inside].mean(axis=0) / shown.mean(axis=0)
+            np.testing.assert_allclose(ratios[v, u, own[1], own[0]], mean, rtol=1e-4)
+    assert sizes.count(1) > sizes.count(2) > sizes.count(4) > 0
+
+
+def test_populations_in_separate_places_keep_their_colours_at_every_slope():
+    presence = np.ones((256, 256), bool)
+    rng = np.random.default_rng(4)
+    is_left = np.arange(256) < 128
+    slopes = rng.normal(0, 1, (256, 256, 2)) * np.where(is_left, 0.1, 0.2)[:, None]
+    normals = flake_normals(np.dstack([slopes, presence]).astype(np.float32), presence)
+    colors = np.where(is_left[:, None], np.float32([0.9, 0.4, 0.1]), np.float32([0.1, 0.3, 0.9]))
+    ratios = flakes.slope_ratios(normals, np.broadcast_to(colors, normals.shape))
+    np.testing.assert_allclose(ratios, 1, rtol=1e-5)
 
 
 def test_black_channels_and_colours_that_no_half_float_holds():
@@ -204,3 +229,10 @@ def test_it_is_written_once_by_content_and_a_cancelled_bake_leaves_nothing(tmp_p
     assert flakes.bake_flakes(normals, colors, tmp_path) == (path, False)
     others = [(normals, None), (normals, colors * 0.5), (sheet(64, 64, seed=2)[0], colors)]
     assert len({path, *(flakes.bake_flakes(*other, tmp_path)[0] for other in others)}) == 4
+
+
+def test_the_layout_is_that_of_the_shader():
+    text = paths.shader_file("flakes.h").read_text(encoding="utf-8")
+    defined = dict(re.findall(r"#define FLAKES_(\w+) ([\d.]+)", text))
+    for name in ("MAGIC", "BINS", "REGION", "MOST_REGIONS"):
+        assert float(defined[name]) == getattr(flakes, name)

@@ -14,14 +14,16 @@ MAP = """
   map.inverse_padded_width = 1.0 / padded_size({width}); map.inverse_padded_height = 1.0 / padded_size({height});
   map.strength = 1.0; map.is_linear = {is_linear}; map.low = 0; map.high = 0; map.kept = 0; map.costs = no_costs();
   map.counts.table = map.table; map.counts.first = 0; map.counts.levels = 0; map.counts.low = 0; map.counts.high = 0;
-  map.index = map.table; map.is_indexed = 0; map.visits = {visits};
+  map.index = map.table; map.is_indexed = 0; map.visits = {visits}; map.flakes.table = map.table;
+  map.flakes.are_there = {has_flakes}; map.flakes.have_colors = 0;
 """
 
 
-def declared_map(file, normals, *, is_linear, visits=4096):
+def declared_map(file, normals, *, is_linear, visits=4096, has_flakes=False):
     """OSL statements for a Map of strength 1 without counts and index; normals: (height, width, 3), baked as `file`."""
     height, width = normals.shape[:2]
-    return MAP.format(file=file.as_posix(), width=width, height=height, is_linear=int(is_linear), visits=visits)
+    return MAP.format(file=file.as_posix(), width=width, height=height, is_linear=int(is_linear), visits=visits,
+                      has_flakes=int(has_flakes))
 
 
 def random_hints(rng, count, *, radius=(0.02, 0.5), turn=0.05):

@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
+from glint_addon.bake import flakes, table
+from glint_addon.bake.slope_counts import slope_box
 from tests.helpers.osl_functions import ROUNDING, ROWS, Inputs, evaluate, unit
+from tests.osl.queries import declared_map
 from tests.reference import closures, light_hint
 from tests.reference import facet as facet_twin
+from tests.reference import flakes as colors_twin
 
 HEADERS = ("closures.h",)
 TURNED = (0.2, 0.3, 0.4)
@@ -174,15 +178,41 @@ SELECTION = """
   s.count = count; s.is_merged = merged;
   SlopeLobe lobes[3];
   lobes[0] = lobe0; lobes[1] = lobe1; lobes[2] = lobe2;
+  for (int k = 0; k < 3; ++k) { lobes[k].place1 = places[2 * k]; lobes[k].place2 = places[2 * k + 1]; }
   for (int k = 0; k < 24; ++k) {
     s.sum[k] = 1.0 + k; s.importance[k] = 2.0; s.lobe[k] = lobes[k % 3]; s.hint[k] = k % 2;
   }
-  SampleCosts costs = no_costs();
 """
-DECLARED = "HalfVector hint0, hint1; SlopeLobe lobe0, lobe1, lobe2; Query query;"
+DECLARED = "HalfVector hint0, hint1; SlopeLobe lobe0, lobe1, lobe2; Query query; Hit hit; float places[6];"
+SIDE = 16  # texels of a map of flakes
+MEAN = 0.7  # colour of the flakes around the hit
+HALF = 2.0**-11  # rounding of a 16-bit float
 
 
-def test_a_selection_is_the_sum_of_its_closures_and_of_the_remainder():
+def flakes_map(folder):
+    """Flakes in a map (height, width, 3), their colours, and OSL statements that declare that map."""
+    rng = np.random.default_rng(6)
+    normals = np.dstack([rng.normal(0, 0.2, (SIDE, SIDE, 2)), np.ones((SIDE, SIDE))]).astype(np.float32)
+    colors = rng.uniform(0.1, 1, (SIDE, SIDE, 3)).astype(np.float32)
+    file, _ = table.bake_table(normals, folder, interpolation="CLOSEST")
+    path, _ = flakes.bake_flakes(normals, colors, folder)
+    return normals, colors, declared_map(file, normals, is_linear=False, has_flakes=True) + f"""
+      map.flakes.table = "{path.as_posix()}"; map.flakes.have_colors = 1; lay_flakes(map);
+      hit.i = 3; hit.j = 5; hit.flakes.mean = {MEAN};
+    """
+
+
+def element_colors(normals, colors, merged, places):
+    """Red of the colours (rows, 3) of three elements: of their texels, or where they are merged of their slopes."""
+    single = colors[places[..., 1].astype(int), places[..., 0].astype(int), 0]
+    hit = np.tile([3.5, 5.5], (3 * ROWS, 1))
+    mean = np.full((3 * ROWS, 3), MEAN)
+    many = colors_twin.merged_color(normals, colors, slope_box(normals), mean, hit, places.reshape(-1, 2))
+    return np.where(merged[:, None], many[:, 0].reshape(ROWS, 3), single)
+
+
+@pytest.mark.parametrize("are_colored", [False, True])
+def test_a_selection_is_the_sum_of_its_closures_and_of_the_remainder(tmp_path, are_colored):
     rng = np.random.default_rng(5)
     view, up = seen()
     light = np.broadcast_to(unit(SUN), view.shape)
@@ -194,9 +224,14 @@ def test_a_selection_is_the_sum_of_its_closures_and_of_the_remainder():
     numbers = np.stack([rng.integers(0, 31, ROWS), rng.integers(0, 2, ROWS)], axis=1)
     count, merged = given.ints("int count, int merged", numbers).astype(int).T
     total = given.floats("float total", np.where(rng.random(ROWS) < 0.1, 0.0, rng.uniform(50, 100, ROWS)))
-    body = FACET + SELECTION
-    call = "selection_closures(query, s, total, facet_closure(facet, color(1.0), normal(n)), costs)"
-    picture = given.reflected(HEADERS, DECLARED, f"{body} Result = {call};", SUN, rotation=TURNED)
+    places = np.where(merged[:, None, None], rng.normal(0.5, 0.2, (ROWS, 3, 2)), rng.integers(0, SIDE, (ROWS, 3, 2)))
+    places = given.floats(", ".join(f"places[{k}]" for k in range(6)), places)
+    normals, colors, declared = flakes_map(tmp_path)
+    tints = element_colors(normals, colors, merged, places) if are_colored else np.ones((ROWS, 3))
+    body = FACET + SELECTION + f"map.flakes.have_colors = {int(are_colored)}; map.costs = no_costs();"
+    call = "selection_closures(query, map, hit, s, total, facet_closure(facet, color(1.0), normal(n)))"
+    declared = DECLARED + declared
+    picture = given.reflected(HEADERS, declared, f"{body} Result = {call};", SUN, rotation=TURNED)
 
     expected = closures.facet_closure(is_ggx, alpha, unit(n), view, light)
     made = np.where(total > 0, np.minimum(count, CLOSURES), 0)
@@ -204,10 +239,10 @@ def test_a_selection_is_the_sum_of_its_closures_and_of_the_remainder():
         hint, lobe = hints[k % 2], lobes[k % 3]
         weight = lobe[:, 0] * (1 + k) / 2 / np.where(total > 0, total, 1.0)
         weight *= np.where(merged, closures.merged_reflection(hint, alpha, lobe, view), 1.0)
-        value = weight * closures.glint_closure(is_ggx, alpha, hint, lobe, view, light)
+        value = tints[:, k % 3] * weight * closures.glint_closure(is_ggx, alpha, hint, lobe, view, light)
         expected += np.where(k < made, value, 0.0)
     assert (made == CLOSURES).mean() > 0.1
     assert_shown(picture, expected)
     body += f"closure color sum = {call};"
-    osl = given.evaluate(HEADERS, DECLARED, body, ("costs.closures",), rotation=TURNED)
+    osl = given.evaluate(HEADERS, declared, body, ("map.costs.closures",), rotation=TURNED)
     np.testing.assert_array_equal(osl[:, 0], 1 + made)

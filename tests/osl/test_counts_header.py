@@ -82,10 +82,10 @@ CELLS = """
   wide.stride2 = wide_stride2;
   Grid parts = cell_parts(wide, which);
   query.hints[2] = hint;
-  SlopeLobe lobe = cell_lobe(query, 2, cells_1, grid_1, m, which, 0.7);
+  SlopeLobe lobe = cell_lobe(query, 2, cells_1, bins, grid_1, m, which, 0.7);
 """
 GRID = ("columns", "rows", "start1", "start2", "stride1", "stride2", "end1", "end2")
-LOBE = ("weight", "p1", "p2", "c11", "c12", "c22")
+LOBE = ("weight", "p1", "p2", "c11", "c12", "c22", "place1", "place2")
 CLEARED = (*(f"cleared.{name}[which]" for name in FIELDS), "cleared.spread_u", "cleared.spread_v")
 
 
@@ -102,6 +102,7 @@ def masses():
     which = inputs.add("which", rng.integers(0, np.maximum(number, 1)))
     wide = [inputs.add(f"wide_stride{k}", rng.integers(1, 30, ROWS)) for k in (1, 2)]
     hint = hint_inputs(rng, inputs, "hint", rng.uniform(-0.5, 0.5, (ROWS, 2)))
+    bins = inputs.add("bins", rng.uniform(20.0, 200.0, ROWS))
     inputs.statements.append("Masses m; Query query;")
     random = inputs.fill("query", random=rng.uniform(0, 1, (ROWS, 3))).random
     mass = np.where(np.arange(MOST**2)[:, None] < number, np.exp(rng.normal(size=(MOST**2, ROWS))), 0.0)
@@ -124,7 +125,7 @@ def masses():
                *(f"lobe.{name}" for name in LOBE)]
     osl = inputs.call(HEADER, CELLS, results)
     return SimpleNamespace(osl=osl, alpha=alpha, is_ggx=is_ggx, width=width, cells=cells, grid=grid, which=which,
-                           wide=wide, hint=hint, random=random, m=own, known=number > 0)
+                           wide=wide, hint=hint, bins=bins, random=random, m=own, known=number > 0)
 
 
 def test_the_spread_of_a_cell_goes_by_its_width(masses):
@@ -199,12 +200,13 @@ def test_the_lobe_of_a_cell(masses):
         grid = twin.row_of(masses.grid, row)
         hint = twin.row_of(masses.hint, row)
         widths = np.array([m.width1, m.width2])
-        p, covariance = twin.cell_lobe(one, 0, twin.row_of(masses.cells[1], row), grid, hint, widths,
-                                       masses.random[row])
+        p, covariance, place = twin.cell_lobe(one, 0, twin.row_of(masses.cells[1], row), grid, hint, widths,
+                                              masses.random[row])
         found = [osl[f"lobe.{name}"][row] for name in LOBE]
         assert found[0] == np.float32(0.7)
         np.testing.assert_allclose(found[1:3], p, atol=ROUNDING)
-        np.testing.assert_allclose(found[3:], covariance, atol=ROUNDING * (np.abs(covariance).max() + 1e-2))
+        np.testing.assert_allclose(found[6:], place / masses.bins[row], rtol=ROUNDING, atol=ROUNDING)
+        np.testing.assert_allclose(found[3:6], covariance, atol=ROUNDING * (np.abs(covariance).max() + 1e-2))
         grown += ((np.array([grid.stride1, grid.stride2]) == 1) & (widths > twin.NUMBERS["CELL_NARROW"])).any()
     assert 0.1 * len(known) < grown < 0.9 * len(known)
 

@@ -105,3 +105,30 @@ def test_the_map_at_uv_coordinates_repeats_and_is_interpolated_over_its_edges(tm
     inside = (hit.i >= 0) & (hit.j >= 0) & (hit.i + 1 < SIZE[0]) & (hit.j + 1 < SIZE[1])
     np.testing.assert_array_equal(osl[clear, 10], np.where(inside | (not is_linear), 1, 4)[clear])
     assert 0.2 < inside.mean() < 0.95
+
+
+@pytest.mark.parametrize("has_flakes", [False, True])
+def test_texels_that_are_no_flakes_have_no_normal_at_any_strength(tmp_path, has_flakes):
+    rng = np.random.default_rng(11)
+    normals, _ = baked(rng, tmp_path, False)
+    normals[rng.random(normals.shape[:2]) < 0.4] = 0
+    file, _ = bake.bake_table(normals, tmp_path, interpolation="CLOSEST")
+    given = Inputs()
+    strength = given.floats("map.strength", np.where(rng.random(ROWS) < 0.3, 1.0, rng.uniform(-1, 3, ROWS)))
+    i, j = given.ints("int i, int j", rng.integers(0, SIZE, (ROWS, 2))).astype(int).T
+    uv = given.floats("float across, float up", rng.uniform(-2, 2, (ROWS, 2)))
+    osl = given.evaluate(HEADERS, declared_map(file, normals, is_linear=False, has_flakes=has_flakes),
+                         "vector n = map_normal(map, i, j); Hit hit = map_hit(map, point(across, up, 0));",
+                         (*each("n", "hit.n"), "is_flake(map, unscaled_normal(map, i, j))", "hit.is_flake"))
+    place = uv * SIZE
+    clear = (np.abs(place - np.round(place)) > MARGIN).all(axis=1)
+    hit = normal_map.map_hit(normals, strength, False, uv, has_flakes)
+    rounding = 4 * EPSILON * 3
+    expected = normal_map.map_normal(normals, strength, i, j, has_flakes)
+    np.testing.assert_allclose(osl[:, :3], expected, rtol=0, atol=rounding)
+    np.testing.assert_allclose(osl[clear, 3:6], hit.n[clear], rtol=0, atol=rounding)
+    known = normal_map.is_flake(normals[j, i], has_flakes)
+    assert 0.3 < known.mean() < 0.7 or not has_flakes
+    np.testing.assert_array_equal(osl[:, 6] != 0, known)
+    np.testing.assert_array_equal(osl[clear, 7] != 0, hit.is_flake[clear])
+    assert (expected[~known] == 0).all()

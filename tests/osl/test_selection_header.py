@@ -48,7 +48,7 @@ def test_the_numbers_of_modes_are_those_of_the_twin():
 
 ELEMENTS = 7  # given; each is repeated with scaled slopes until there are more than reservoirs
 LIMITS = (1, 7, 24, 60)  # closures of a sample that are asked for
-KEPT = 4  # numbers shown of each reservoir; one of them is made of all of the element's
+KEPT = 5  # numbers shown of each reservoir; one of them is made of all of the element's lobe, one of its place
 MIXED = (1.0, 2.0, 3.0, 50.0, 70.0, 110.0)  # so that each number of an element weighs about as much
 SELECTION_BODY = """
   Selection s = new_selection(limit + 1, 1, facet);
@@ -56,15 +56,16 @@ SELECTION_BODY = """
   for (int k = 0; k < 7 * repeats; ++k) {
     int e = 6 * (k % 7);
     float scale = 1.0 - (k / 7) / 16.0;
-    SlopeLobe lobe = { given[e], scale * given[e + 1], scale * given[e + 2], given[e + 3], given[e + 4], given[e + 5] };
+    SlopeLobe lobe = { given[e], scale * given[e + 1], scale * given[e + 2], given[e + 3], given[e + 4], given[e + 5],
+                       k, 0.5 * k };
     select_element(s, k % 2, k % 2 ? radius1 : radius0, lobe);
   }
-  float shown[96];
+  float shown[120];
   for (int k = 0; k < min(s.count, s.limit); ++k) {
     SlopeLobe lobe = s.lobe[k];
     float mixed = lobe.weight + 2 * lobe.p1 + 3 * lobe.p2 + 50 * lobe.c11 + 70 * lobe.c12 + 110 * lobe.c22;
-    float numbers[4] = { s.sum[k], s.importance[k], s.hint[k], mixed };
-    for (int n = 0; n < 4; ++n) { shown[4 * k + n] = numbers[n]; }
+    float numbers[5] = { s.sum[k], s.importance[k], s.hint[k], mixed, lobe.place1 + lobe.place2 };
+    for (int n = 0; n < 5; ++n) { shown[5 * k + n] = numbers[n]; }
   }
 """
 
@@ -98,7 +99,7 @@ def test_each_reservoir_keeps_one_of_its_elements_with_odds_of_its_importance():
         assert tuple(osl[row, :3]) == (len(k), size, 0)
         found = osl[row, 3:].reshape(-1, KEPT)[:len(kept)]
         np.testing.assert_allclose(found[:, 0], sums, rtol=1e-4)
-        wanted = np.stack([importance[kept], kept % 2, lobes[kept] @ MIXED], axis=1)
+        wanted = np.stack([importance[kept], kept % 2, lobes[kept] @ MIXED, 1.5 * kept], axis=1)
         np.testing.assert_allclose(found[sure, 1:], wanted[sure], rtol=1e-4, atol=1e-5)
         clear += [*sure]
     assert np.mean(clear) > 0.98

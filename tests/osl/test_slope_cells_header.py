@@ -25,6 +25,7 @@ def table(tmp_path_factory):
     waves = np.stack([0.3 * np.sin(i / 3), 0.3 * np.cos(j / 3), np.ones(i.shape)], axis=2)
     normals = waves + 0.03 * random_normals(*SIZE)
     normals[::9, ::13] = random_normals(*SIZE)[::9, ::13]
+    normals[5::7, ::3] = 0
     pixels = bake.index_texels(normals.astype(np.float32))
     texels = pixels.reshape(-1, 4)
     for block, (texel, channel) in enumerate(((1, 3), (1, 0), (1, 1), (0, 2))):
@@ -186,7 +187,7 @@ CELLS = """
   }}
   int row_fetches = map.costs.fetches - fetches;
 """
-RANGE = ("from1", "to1", "from2", "to2", "listed", "is_intact")
+RANGE = ("from1", "to1", "from2", "to2", "listed", "absent", "is_intact")
 
 
 @pytest.fixture(scope="module")
@@ -216,6 +217,8 @@ def test_the_cells_that_a_region_can_reach(cells, table):
     whole = is_clear & expected.is_intact
     np.testing.assert_array_equal(osl["range.is_intact"] != 0, expected.is_intact)
     np.testing.assert_array_equal(osl["range.listed"], expected.listed)
+    np.testing.assert_array_equal(osl["range.absent"], expected.absent)
+    assert len(np.unique(expected.absent)) > 2
     for name in RANGE[:4]:
         assert_whole_agree(osl[f"range.{name}"][whole], getattr(expected, name)[whole], True)
     np.testing.assert_array_equal((osl["range.to2"] < osl["range.from2"]), ~expected.is_intact)

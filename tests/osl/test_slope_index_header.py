@@ -27,6 +27,7 @@ SETUP = """
   map.inverse_padded_width = 1.0 / padded_size({width});
   map.inverse_padded_height = 1.0 / padded_size({height});
   map.kept = 0;
+  map.flakes.are_there = 1;
   map.costs.fetches = 0;
   map.costs.visited = 0;
 """
@@ -71,6 +72,8 @@ def damaged_index(folder):
     normals[..., :2] += 0.02 * rng.normal(size=(SIZE[1], SIZE[0], 2))
     normals[::17, ::23] = random_normals(*SIZE)[::17, ::23]
     normals = (normals / np.linalg.norm(normals, axis=2, keepdims=True)).astype(np.float32)
+    # A part of the map has texels that are no flakes.
+    normals[:, :40][rng.random((SIZE[1], 40)) < 0.4] = 0
     table, _ = table_bake.bake_table(normals, folder, interpolation="CLOSEST")
     pixels = bake.index_texels(normals)
     last = bake.blocks(SIZE[0]) * bake.blocks(SIZE[1]) - 1
@@ -85,6 +88,7 @@ def near_hints(rng, inputs, normals, strength, middle):
     for k in range(HINTS):
         i, j = (np.floor(middle).astype(int) + rng.integers(-8, 9, (ROWS, 2))).T
         near = normals[j % SIZE[1], i % SIZE[0]]
+        near = np.where(near.any(axis=1, keepdims=True), near, [0, 0, 1])
         slopes = np.clip(strength[:, None] * near[:, :2] / near[:, 2:], -0.5, 0.5)
         hint = hint_inputs(rng, inputs, f"hint_{k}", slopes)
         hint.radius = inputs.add(f"hint_{k}.radius", rng.uniform(0.03, 0.12, ROWS))

@@ -151,7 +151,7 @@ def cell_parts(grid, cell):
 
 
 def cell_lobe(masses, c, cells, grid, hint, widths, random):
-    """Mean slope (2,) and covariance (c11, c12, c22) of the lobe of cell c."""
+    """Mean slope (2,) and covariance (c11, c12, c22) of the lobe of cell c, and its place (2,) in bins."""
     first, square = (np.array([getattr(masses, f"{name}{k}").reshape(-1)[c] for k in (1, 2)])
                      for name in ("first", "square"))
     mean = first / masses.mass.reshape(-1)[c]
@@ -162,7 +162,7 @@ def cell_lobe(masses, c, cells, grid, hint, widths, random):
     slope = linear / max(1 - linear @ cells.tilt, 0.1)
     spread = np.diag([masses.spread_u, masses.spread_v])
     covariance = cells.p @ np.diag(variance) @ cells.p.T + hint.turns @ spread @ hint.turns.T
-    return slope, covariance[[0, 0, 1], [0, 1, 1]]
+    return slope, covariance[[0, 0, 1], [0, 1, 1]], cells.centre + mean
 
 
 def element_importance(is_ggx, alpha, radius, weight, p, covariance):
@@ -189,7 +189,7 @@ def counts_query(texels, level, query, hints, cells, selected, groups, total):
                 mass = sharpen_cells(mass, is_taken, spread)
             for c in np.flatnonzero(is_taken.reshape(-1) & (mass.reshape(-1) > 0)):
                 if c != peak:
-                    p, covariance = cell_lobe(masses, c, own, grid, hint, widths, query.random)
+                    p, covariance, _ = cell_lobe(masses, c, own, grid, hint, widths, query.random)
                     weight = mass.reshape(-1)[c] / (total * area)
                     importance += element_importance(query.is_ggx, query.alpha, hint.radius, weight, p, covariance)
                     count += 1

@@ -23,12 +23,19 @@ class Hit:
     j: np.ndarray
     n: np.ndarray
     unscaled: np.ndarray
+    is_flake: np.ndarray
 
 
-def map_normal(normals, strength, i, j):
+def is_flake(unscaled, has_flakes):
+    """Whether normals (n, 3) without Strength are those of flakes, or of a map without flakes."""
+    return (unscaled != 0).any(axis=-1) | (not has_flakes)
+
+
+def map_normal(normals, strength, i, j, has_flakes=False):
     """Tangent-space normals of texels (i, j), which repeat, of a map (height, width, 3); strength: one or (n,)."""
     height, width = normals.shape[:2]
-    return strengthened(normals[wrapped(j, height), wrapped(i, width)], strength)
+    unscaled = normals[wrapped(j, height), wrapped(i, width)]
+    return np.where(is_flake(unscaled, has_flakes)[..., None], strengthened(unscaled, strength), 0.0)
 
 
 def map_patch(normals, strength, i, j):
@@ -67,7 +74,7 @@ def patch_rows(patch, alpha):
     return patch_parts(n00, n01, n10, n11, alpha)
 
 
-def map_hit(normals, strength, is_linear, uv):
+def map_hit(normals, strength, is_linear, uv, has_flakes=False):
     """The map at UV coordinates (n, 2)."""
     height, width = normals.shape[:2]
     u, v = (uv % 1.0 * [width, height] - (0.5 if is_linear else 0.0)).T
@@ -76,4 +83,5 @@ def map_hit(normals, strength, is_linear, uv):
         unscaled = patch_normal(map_patch(normals, 1.0, i, j), u - i, v - j)
     else:
         unscaled = map_normal(normals, 1.0, i, j)
-    return Hit(u, v, i, j, strengthened(unscaled, strength), unscaled)
+    known = is_flake(unscaled, has_flakes)
+    return Hit(u, v, i, j, np.where(known[:, None], strengthened(unscaled, strength), 0.0), unscaled, known)

@@ -82,7 +82,7 @@ def record_of(texels, record):
     """Fields of the records (n,) that begin at texels `record` of the list (texels, 4)."""
     cells, extent = texels[record].astype(float), texels[record + 1].astype(float)
     return SimpleNamespace(
-        low=cells[:, :2], scale=cells[:, 2:], least_z=extent[:, 1], listed=extent[:, 2],
+        low=cells[:, :2], scale=cells[:, 2:], least_z=extent[:, 1], listed=extent[:, 2], absent=extent[:, 0] - 1,
         is_intact=(extent[:, 3] == bake.MAGIC) & (extent[:, 0] > 0) & (extent[:, 1] > 0) & (cells[:, 2] > 0)
         & (extent[:, 2] == np.floor(extent[:, 2])),
     )
@@ -106,8 +106,8 @@ def block_cells(texels, strength, record, basis, c1, c2, radius):
             found[f"{name}{axis + 1}"] = np.clip(place, 0, count - 1).astype(int)
             size = 1e-4 * (1 + own.scale[:, axis] * (np.abs(low) + np.abs(high)))
             is_clear &= (np.abs(place - np.round(place)) > size) | (place < -size) | (place > count - 1 + size)
-    listed = np.where(own.is_intact, own.listed, 0)
-    return SimpleNamespace(**found, listed=listed, is_intact=own.is_intact), is_clear
+    listed, absent = (np.where(own.is_intact, number, 0) for number in (own.listed, own.absent))
+    return SimpleNamespace(**found, listed=listed, absent=absent, is_intact=own.is_intact), is_clear
 
 
 def row_elements(texels, record, cells, row):

@@ -15,15 +15,17 @@ CLOSE = 1e-5  # relative distance from a condition's limit at which rounding may
 
 
 def strengthened(n, strength):
-    """Normals (..., 3) with the Strength of a Normal Map node."""
+    """Normals (..., 3) with the Strength of a Normal Map node; those that are 0 stay so."""
     share = np.clip(strength, 0.0, 1.0)
-    return np.stack([n[..., 0] * strength, n[..., 1] * strength, 1 + (n[..., 2] - 1) * share], axis=-1)
+    strong = np.stack([n[..., 0] * strength, n[..., 1] * strength, 1 + (n[..., 2] - 1) * share], axis=-1)
+    return np.where(n.any(axis=-1, keepdims=True), strong, 0.0)
 
 
 def slopes_at(normals, hint, offset):
     """Slopes (m, 2) around a half vector of normals (m, 3) at offsets (m, 2), and the height above it."""
     forms = normals @ hint.forms.T
-    return forms[:, :2] / forms[:, 2:] + offset @ hint.turns.T, forms[:, 2]
+    height = np.where(forms[:, 2:] == 0, np.nan, forms[:, 2:])
+    return forms[:, :2] / height + offset @ hint.turns.T, forms[:, 2]
 
 
 def selected_sums(normals, settings, hints, middle, texels, weights, wanted):
@@ -132,7 +134,7 @@ def index_serves(texels, map_, hints, query):
         for row in range(slope_cells.ROWS):
             start, end = slope_cells.row_elements(texels, record, cells, np.full(count, row))
             candidates += np.where((row >= cells.from2) & (row <= cells.to2), end - start, 0)
-        candidates += sides - cells.listed
+        candidates += sides - cells.listed - cells.absent
     share = candidates / sides
     found_cost = NUMBERS["INDEX_TEXEL_COST"]
     listed = SIDE**2 * share * NUMBERS["INDEX_LISTED_COST"]
