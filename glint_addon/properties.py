@@ -11,7 +11,7 @@ LIGHT_SET = "glint_lights_set"
 
 # On a group "Glint BSDF", what it remembers of its map's tables; paths as `paths.stored_path` has them, "" for none.
 TABLE = "glint_table"  # path of the table of normals
-SOURCE = "glint_source"  # `image_state` of the map whose tables these are; "" where there are none
+SOURCE = "glint_source"  # `map_state` of the map whose tables these are; "" where there are none
 SIZE = "glint_size"  # width and height of the map, in texels
 SLOPE_LOW = "glint_slope_low"  # smallest slopes of the map, along u and v
 SLOPE_HIGH = "glint_slope_high"  # largest slopes of the map, along u and v
@@ -20,6 +20,7 @@ COUNTS = "glint_counts"  # path of the counts
 COUNTS_LEVELS = "glint_counts_levels"  # sides of the blocks of the first and the last level of the counts, in texels
 BIN_LOW = "glint_bin_low"  # corner of the counts' slope box with the smallest slopes
 BIN_HIGH = "glint_bin_high"  # corner of the counts' slope box with the largest slopes
+FLAKES = "glint_flakes"  # path of the table of flakes
 
 # On a group "Glint BSDF" of version 9 or before, what it reads and how: its nodes say so today.
 OLD_IMAGE = "glint_image"  # pointer to the map

@@ -13,7 +13,7 @@ from .generated import (
     recipe_of,
     show,
 )
-from .normal_map import normal_map_image
+from .normal_map import flake_color_image, normal_map_image, presence_image
 from .pixels import image_pixels, image_shape, is_layered, layer_pixels, read_pixels
 from .state import ImageStates, file_digest, image_stamp, image_state, is_unsaved
 
@@ -24,6 +24,7 @@ __all__ = (
     "check_unchanged",
     "data_image",
     "file_digest",
+    "flake_color_image",
     "image_files",
     "image_path",
     "image_pixels",
@@ -42,6 +43,7 @@ __all__ = (
     "normal_map_image",
     "parts",
     "pictures",
+    "presence_image",
     "read_pixels",
     "recipe_of",
     "remove_unused_copies",

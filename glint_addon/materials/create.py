@@ -11,15 +11,19 @@ from ..errors import MapError
 from ..images import (
     ImageStates,
     data_image,
+    flake_color_image,
     image_pixels,
+    image_shape,
     image_stamp,
     is_several,
     normal_map_image,
+    presence_image,
     remove_unused_copies,
     sequence_frames,
 )
 from ..nodes import scale as scale_group
 from ..nodes.builder import add_node, arrange, version_of
+from ..nodes.flake_nodes import BASE
 from ..nodes.glint_bsdf import (
     BSDF,
     NAME,
@@ -34,7 +38,8 @@ from ..nodes.glint_bsdf import (
 from ..nodes.map_binding import MapBinding, image_read
 from ..nodes.map_choices import CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION, SURFACE
 from ..nodes.map_tables import MapTables
-from .surface_values import surface_values
+from ..nodes.surface_kinds import BASE_COLOR
+from .surface_values import checked, surface_values
 
 
 def create_glint_material(
@@ -55,6 +60,9 @@ def create_glint_material(
     ior=None,
     extinction=None,
     metal="",
+    presence=None,
+    flake_color=None,
+    base_color=(0.8, 0.8, 0.8),
 ) -> bpy.types.Material:
     """A new material whose glints come from `normal_map`, a path ("<UDIM>" for all tiles) or a bpy.types.Image.
 
@@ -68,21 +76,29 @@ def create_glint_material(
     `extinction`, three numbers each; 'DIELECTRIC' the reflection of Principled BSDF of `ior` and specular tint `color`,
     always GGX. Colours are linear RGB; None is the node's default, and white for 'TINT'. metal: a name in METALS
     (nodes/surface_kinds.py), as "Gold", for the numbers of METAL or CONDUCTOR.
+    presence: path or image that says which texels are flakes (brighter than 0.5); between flakes lies a Principled BSDF
+    of `base_color`, or whatever is linked to Base afterwards. flake_color: path or image with a colour for each texel,
+    which multiplies the surface's. Both are of the size of the map, and need interpolation 'CLOSEST'.
     Raises MapError or ShaderError, and then leaves nothing behind. Call `prepare_scene` before rendering.
     """
     _check_values(name, roughness, strength, uv_map)
     _check_scale(name, scale)
     values = surface_values(name, surface, metal=metal, color=color, edge_tint=edge_tint, ior=ior,
                             extinction=extinction)
+    base = checked(name, BASE_COLOR, "Base Color", base_color)
     reading = MapBinding(None, interpolation, convention, distribution, uv_map, extension, surface=surface)
     before = _data_blocks()
     try:
+        reading = replace(reading, presence=presence and presence_image(presence),
+                          flake_color=flake_color and flake_color_image(flake_color))
         group = _bound_group(normal_map, reading)
         material = bpy.data.materials.new(name)
         values |= {ROUGHNESS.name: roughness, STRENGTH.name: strength}
-        _add_surface(material, group, values, uv_map)
+        surface_node = _add_surface(material, group, values, uv_map)
         if scale is not None:
             _add_scale(material, uv_map, scale)
+        if BASE.name in surface_node.inputs:
+            _add_base(material.node_tree, surface_node.inputs[BASE.name], base)
     except Exception:
         bpy.data.batch_remove(_data_blocks() - before)
         raise
@@ -144,6 +160,12 @@ def _refuse_unusable(binding, states):
     """Refuse a map that the bake would refuse, before anything is made; it is decoded only to be baked."""
     from ..bake.normal_map import check_normals
 
+    shape = image_shape(binding.image)[:2]
+    for image in (binding.presence, binding.flake_color):
+        if image is not None and image_shape(image)[:2] != shape:
+            sizes = [f"{width} x {height}" for height, width in (image_shape(image)[:2], shape)]
+            raise MapError(f'Image "{image.name}" of flakes has {sizes[0]} pixels, and their normal map {sizes[1]}: '
+                           "scale one of them to the size of the other.")
     data = data_image(binding.image, states=states)
     if not is_several(data) and not _was_baked(data):
         check_normals(image_pixels(data), convention=binding.convention, name=binding.image.name)
@@ -158,7 +180,8 @@ def _was_baked(image) -> bool:
 
 
 def _add_surface(material, group, values, uv_map):
-    """Nodes of a material whose surface is the group with `values` (socket name -> value), placed by `uv_map`."""
+    """Nodes of a material whose surface is the group with `values` (socket name -> value), placed by `uv_map`; returns
+    the group's node."""
     tree = material.node_tree
     tree.nodes.clear()
     coordinates = add_node(tree, "ShaderNodeUVMap", uv_map=uv_map)
@@ -168,6 +191,7 @@ def _add_surface(material, group, values, uv_map):
     tree.links.new(coordinates.outputs["UV"], surface.inputs[VECTOR.name])
     tree.links.new(surface.outputs[BSDF.name], output.inputs["Surface"])
     arrange(tree)
+    return surface
 
 
 def _add_scale(material, uv_map, scale):
@@ -180,4 +204,11 @@ def _add_scale(material, uv_map, scale):
     for socket in inputs:
         tree.links.new(sized.outputs[scale_group.COORDINATES.name], socket)
     tree.nodes.remove(coordinates)
+    arrange(tree)
+
+
+def _add_base(tree, socket, color):
+    """What lies between flakes: a Principled BSDF, as new materials have."""
+    base = add_node(tree, "ShaderNodeBsdfPrincipled", inputs={"Base Color": color})
+    tree.links.new(base.outputs["BSDF"], socket)
     arrange(tree)

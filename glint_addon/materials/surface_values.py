@@ -31,7 +31,7 @@ def surface_values(material: str, surface: str, *, metal="", **given) -> dict[st
             kinds = ", ".join(f'"{each}"' for each, kind in KINDS.items() if name in map(_argument, kind.sockets))
             raise MapError(f'Glint material {material} has {WORDS[name]}, which the surface "{surface}" has not: leave '
                            f"it out, or use {kinds}.")
-        values[name] = _checked(material, sockets[name], WORDS[name], value)
+        values[name] = checked(material, sockets[name], WORDS[name], value)
     return {sockets[name].name: value for name, value in values.items()}
 
 
@@ -56,8 +56,8 @@ def _of_metal(material, surface, metal) -> dict[str, object]:
                    '"CONDUCTOR".')
 
 
-def _checked(material, socket, word, value):
-    """What Blender's socket takes for `value`."""
+def checked(material, socket, word, value):
+    """What Blender's socket takes for `value`, called `word`; raises MapError for what it does not take."""
     if socket.kind == "NodeSocketFloat":
         if not isinstance(value, Real) or not socket.low <= value <= socket.high:
             raise MapError(f"{word} {value} of glint material {material} is out of range: use {socket.low:g} to "

@@ -10,7 +10,7 @@ from __future__ import annotations
 import bpy
 
 from ..errors import MapError, SceneError
-from ..images import data_image, image_shape, is_several
+from ..images import image_shape, is_several
 from ..properties import OLD_INTERPOLATION, OLD_PROPERTIES, STAMP
 from . import glint_lights, places
 from .builder import (
@@ -27,6 +27,15 @@ from .builder import (
     version_of,
 )
 from .driven import Driven, Variable, driver_curve, write_number
+from .flake_nodes import (
+    BASE,
+    PRESENCE_NODE,
+    PRESENCE_ORIGINAL,
+    add_flake_color,
+    add_presence,
+    presence_of,
+    read_as_data,
+)
 from .map_binding import ORIGINAL_NODE, MapBinding, is_old, map_of, nodes_binding, write_reading
 from .map_choices import CHOICES, FACETS_NODE, IMAGE_NODE, NORMAL_NODE
 from .map_tables import SCRIPT_NODE, forget_table
@@ -116,7 +125,7 @@ def group_for(binding: MapBinding) -> bpy.types.ShaderNodeTree:
     group = new_group(NAME, VERSION, "Glints of a normal map's microstructure")
     try:
         forget_table(group)
-        _add_sockets(group, binding.surface)
+        _add_sockets(group, binding)
         _add_nodes(group, binding)
         arrange(group)
     except Exception:
@@ -130,9 +139,9 @@ def is_glint_group(group) -> bool:
     return group is not None and STAMP in group and (IMAGE_NODE in group.nodes or OLD_INTERPOLATION in group)
 
 
-def inputs_of(surface: str) -> tuple[Socket, ...]:
-    """Inputs of the groups with a kind of surface, in their order."""
-    return (*KINDS[surface].sockets, *COMMON)
+def inputs_of(surface: str, *, has_base: bool = False) -> tuple[Socket, ...]:
+    """Inputs of the groups with a kind of surface, in their order; has_base: whether not all texels are flakes."""
+    return (*KINDS[surface].sockets, *COMMON, *((BASE,) if has_base else ()))
 
 
 def lights_of(group):
@@ -170,7 +179,7 @@ def refresh(group):
     if version_of(group) != VERSION or not _is_complete(group):
         count = places.count_of(group)
         group.nodes.clear()
-        _give_defaults(group, _add_sockets(group, binding.surface))
+        _give_defaults(group, _add_sockets(group, binding))
         _add_nodes(group, binding)
         places.keep_count(group, count)
         arrange(group)
@@ -184,16 +193,17 @@ def refresh(group):
 
 def _is_complete(group) -> bool:
     """Whether the nodes that Blender's own do not replace are all there, and the shader, if any, is compiled."""
-    names = (*OWN_NODES, *(PLACES_NODES if takes_places(map_of(group), surface_of(group)) else ()))
+    names = (*OWN_NODES, *(PLACES_NODES if takes_places(group) else ()))
     if osl_available():
         names = (*OSL_NODES, *names)
     is_whole = all(name in group.nodes for name in names)
     return is_whole and (not osl_available() or bool(group.nodes[SCRIPT_NODE].bytecode))
 
 
-def takes_places(image, surface: str) -> bool:
-    """Whether a group can choose among places of its map: the closures of other kinds of surface take no weight."""
-    return image is not None and surface == "TINT"
+def takes_places(group) -> bool:
+    """Whether a group can choose among places of its map: the closures of other kinds of surface take no weight, and
+    flakes differ in more than their normals."""
+    return map_of(group) is not None and surface_of(group) == "TINT" and not nodes_binding(group).has_flakes
 
 
 def _has_places(group) -> bool:
@@ -221,17 +231,19 @@ def _set_constant(group, name, value):
 
 def _check_sockets(group):
     present = {item.name for item in group.interface.items_tree}
-    lost = [socket.name for socket in inputs_of(surface_of(group)) if socket.name not in present]
+    wanted = inputs_of(surface_of(group), has_base=presence_of(group) is not None)
+    lost = [socket.name for socket in wanted if socket.name not in present]
     if lost:
         raise SceneError(f'Node group "{group.name}" has lost its socket "{lost[0]}": add its material anew.')
 
 
-def _add_sockets(group, surface) -> list[str]:
+def _add_sockets(group, binding) -> list[str]:
     """Add the sockets that the group lacks (a new group lacks all); returns the names of these inputs."""
     present = {item.name for item in group.interface.items_tree}
     if BSDF.name not in present:
         add_output(group, BSDF)
-    lacking = [socket for socket in inputs_of(surface) if socket.name not in present]
+    wanted = inputs_of(binding.surface, has_base=binding.presence is not None)
+    lacking = [socket for socket in wanted if socket.name not in present]
     for socket in lacking:
         add_input(group, socket)
     # Without a value to show, a socket that is not connected gives textures their own coordinates: the UV map.
@@ -241,7 +253,8 @@ def _add_sockets(group, surface) -> list[str]:
 
 def _give_defaults(group, names):
     """Let all nodes that use the group have the defaults of inputs that were added: Blender leaves them at 0."""
-    defaults = {name: group.interface.items_tree[name].default_value for name in names}
+    items = {name: group.interface.items_tree[name] for name in names}
+    defaults = {name: item.default_value for name, item in items.items() if hasattr(item, "default_value")}
     trees = [material.node_tree for material in bpy.data.materials] + list(bpy.data.node_groups)
     for node in (node for tree in trees if tree is not None and tree.library is None for node in tree.nodes):
         if node.bl_idname == "ShaderNodeGroup" and node.node_tree == group:
@@ -259,7 +272,7 @@ def _add_nodes(group, binding):
     way = add_node(group, "ShaderNodeValue", WAY_NODE).outputs["Value"]
     choose_way(group)
     native = glossy
-    if takes_places(binding.image, binding.surface):
+    if takes_places(group):
         native = _add_places(group, source, lights, coordinates, glossy)
     script = add_script_node(group, "glint.osl", SCRIPT_NODE)
     if script is None:
@@ -273,6 +286,8 @@ def _add_nodes(group, binding):
     links.append((source.outputs[VECTOR.name], script.inputs["UV"]))
     links.append((coordinates, script.inputs["MapUV"]))
     links.append((glossy, script.inputs["Fallback"]))
+    if binding.presence is not None:
+        links.append((source.outputs[BASE.name], script.inputs["Base"]))
     for name in glint_lights.output_names():
         # The shader's names have no spaces: Light1.
         links.append((lights.outputs[name], script.inputs[name.replace(" ", "")]))
@@ -391,7 +406,6 @@ def _add_native_nodes(group, binding, source):
     _read_map(group, binding.image)
     normal_map = add_node(group, "ShaderNodeNormalMap", NORMAL_NODE)
     facets = add_facets(group, binding.surface, FACETS_NODE)
-    write_reading(group, binding)
     group.links.new(source.outputs[VECTOR.name], texture.inputs["Vector"])
     group.links.new(source.outputs[STRENGTH.name], normal_map.inputs["Strength"])
     if binding.image is not None:
@@ -399,27 +413,29 @@ def _add_native_nodes(group, binding, source):
     group.links.new(normal_map.outputs["Normal"], facets.inputs["Normal"])
     for socket in (ROUGHNESS, *KINDS[binding.surface].sockets):
         group.links.new(source.outputs[socket.name], facets.inputs[socket.name])
-    return facets.outputs["BSDF"]
+    surface = facets.outputs["BSDF"]
+    if binding.flake_color is not None:
+        add_flake_color(group, source, binding.flake_color)
+    if binding.presence is not None:
+        surface = add_presence(group, source, binding.presence, surface)
+    write_reading(group, binding)
+    return surface
 
 
 def follow_map(group, states=None):
-    """Let the group read its map as data and as it is now: where it is shown as colour, a copy that is up to date.
+    """Let the group read its map and its presence image as data and as they are now: where one is shown as colour, a
+    copy that is up to date.
 
-    states: `ImageStates`, where they are known or are to be. Raises MapError if its pixels cannot be copied.
+    states: `ImageStates`, where they are known or are to be. Raises MapError if pixels cannot be copied.
     """
     if group.nodes.get(IMAGE_NODE) is not None and map_of(group) is not None:
         _read_map(group, map_of(group), states)
+    if presence_of(group) is not None:
+        read_as_data(group, PRESENCE_NODE, PRESENCE_ORIGINAL, presence_of(group), states)
 
 
 def _read_map(group, image, states=None):
-    texture, original = group.nodes[IMAGE_NODE], group.nodes.get(ORIGINAL_NODE)
-    wanted = data_image(image, texture.image, states) if image is not None else None
-    for node in (texture, group.nodes.get(PLACES_IMAGE)):
-        if node is not None and node.image != wanted:
-            node.image = wanted
-    if texture.image != image:
-        original = original or add_node(group, "ShaderNodeTexImage", ORIGINAL_NODE)
-        if original.image != image:
-            original.image = image
-    elif original is not None:
-        group.nodes.remove(original)
+    read_as_data(group, IMAGE_NODE, ORIGINAL_NODE, image, states)
+    places_image = group.nodes.get(PLACES_IMAGE)
+    if places_image is not None and places_image.image != group.nodes[IMAGE_NODE].image:
+        places_image.image = group.nodes[IMAGE_NODE].image

@@ -11,9 +11,10 @@ from dataclasses import dataclass, fields
 import bpy
 
 from ..errors import MapError, SceneError
-from ..images import Frames, is_data_copy
+from ..images import Frames, is_several
 from ..properties import OLD_CONVENTION, OLD_DISTRIBUTION, OLD_EXTENSION, OLD_IMAGE, OLD_INTERPOLATION, OLD_UV_MAP
 from .builder import version_of
+from .flake_nodes import FLAKE_COLOR_NODE, PRESENCE_NODE, flake_color_of, original_image, presence_of
 from .map_choices import (
     CHOICES,
     CONVENTION,
@@ -38,7 +39,9 @@ VERSION_OF_NODES = 10
 class MapBinding:
     """A normal map, the user's own image, and how it is read: by which value of each of CHOICES and which UV map.
 
-    frames: of an image sequence, None of any other image. A surface whose node has but one distribution has that one.
+    frames: of an image sequence, None of any other image. presence: image that says which texels are flakes, or None
+    if all are; flake_color: image with a colour for each, or None; see `flake_nodes`. A surface whose node has but one
+    distribution has that one.
     """
 
     image: bpy.types.Image | None = None
@@ -49,6 +52,8 @@ class MapBinding:
     extension: str = EXTENSION.default
     frames: Frames | None = None
     surface: str = SURFACE.default
+    presence: bpy.types.Image | None = None
+    flake_color: bpy.types.Image | None = None
 
     def __post_init__(self):
         for name in (name for name in READING if name in CHOICES):
@@ -57,22 +62,42 @@ class MapBinding:
                 raise MapError(f'{choice.label} "{value}" is unknown: use one of {", ".join(choice.identifiers)}.')
         if KINDS[self.surface].distribution:
             object.__setattr__(self, "distribution", KINDS[self.surface].distribution)
+        self._check_flakes()
+
+    @property
+    def has_flakes(self) -> bool:
+        """Whether some texels are no flakes, or flakes have colours."""
+        return self.presence is not None or self.flake_color is not None
+
+    def _check_flakes(self):
+        """Raise MapError for flakes that there cannot be."""
+        if not self.has_flakes:
+            return
+        image = self.presence or self.flake_color
+        if self.interpolation != "CLOSEST":
+            raise MapError(f'Image "{image.name}" is of single flakes, and the normal map is read with '
+                           f"{INTERPOLATION.value(self.interpolation).label} interpolation: choose Closest.")
+        if self.flake_color is not None and KINDS[self.surface].color is None:
+            raise MapError(f'Image "{self.flake_color.name}" has colours of flakes, and the surface '
+                           f"{SURFACE.value(self.surface).label} has no colour: choose another surface.")
+        for each in (self.image, self.presence, self.flake_color):
+            if each is not None and is_several(each):
+                raise MapError(f'Image "{each.name}" is not a single picture, as images of flakes and their normal map '
+                               "have to be: choose an image.")
 
 
 # The choices that a property of a node says: all but the kind of surface, which is another node.
 PROPERTIES = {name: choice for name, choice in CHOICES.items() if choice is not SURFACE}
+IMAGES = ("image", "presence", "flake_color")
 # The fields that say how any map is read.
-READING = tuple(field.name for field in fields(MapBinding) if field.name not in ("image", "frames"))
+READING = tuple(field.name for field in fields(MapBinding) if field.name not in (*IMAGES, "frames"))
 
 
 def map_of(group) -> bpy.types.Image | None:
     """The normal map of a Glint BSDF group: the user's own image, though the group may read a copy of it."""
-    texture, original = group.nodes.get(IMAGE_NODE), group.nodes.get(ORIGINAL_NODE)
-    if texture is None:
+    if IMAGE_NODE not in group.nodes:
         return group.get(OLD_IMAGE)
-    if original is not None and original.image is not None and is_data_copy(texture.image):
-        return original.image
-    return texture.image
+    return original_image(group, IMAGE_NODE, ORIGINAL_NODE)
 
 
 def image_read(group) -> bpy.types.Image | None:
@@ -93,7 +118,8 @@ def nodes_binding(group) -> MapBinding:
     image = map_of(group)
     moves = image is not None and image.source == "SEQUENCE"
     frames = Frames.of(nodes[IMAGE_NODE].image_user) if moves else None
-    return MapBinding(image, uv_map=nodes[NORMAL_NODE].uv_map, frames=frames, surface=surface_of(group), **chosen)
+    return MapBinding(image, uv_map=nodes[NORMAL_NODE].uv_map, frames=frames, surface=surface_of(group),
+                      presence=presence_of(group), flake_color=flake_color_of(group), **chosen)
 
 
 def write_reading(group, binding: MapBinding, copies=None):
@@ -102,6 +128,8 @@ def write_reading(group, binding: MapBinding, copies=None):
     copies: {name of one of these nodes: names of the nodes that are to say the same instead}.
     """
     copies = copies or {name: (name,) for name in (IMAGE_NODE, NORMAL_NODE, FACETS_NODE)}
+    flakes = tuple(name for name in (PRESENCE_NODE, FLAKE_COLOR_NODE) if name in group.nodes)
+    copies = copies | {IMAGE_NODE: (*copies[IMAGE_NODE], *flakes)}
     values = [(choice.node, name, choice.value(getattr(binding, name)).native) for name, choice in PROPERTIES.items()]
     for original, name, value in (*values, (NORMAL_NODE, "uv_map", binding.uv_map)):
         for node in (group.nodes[copy] for copy in copies[original]):

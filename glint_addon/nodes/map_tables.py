@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 
 from .. import properties
 from .builder import change_text
+from .flake_nodes import flake_color_of
 
 SCRIPT_NODE = "Glint"  # the OSL node of a Glint BSDF group
 # Where a group keeps the paths of its tables: properties, and sockets of its OSL node. The table of normals is first.
-PATHS = (properties.TABLE, properties.INDEX, properties.COUNTS)
-PATH_SOCKETS = ("Table", "IndexTable", "CountsTable")
+PATHS = (properties.TABLE, properties.INDEX, properties.COUNTS, properties.FLAKES)
+PATH_SOCKETS = ("Table", "IndexTable", "CountsTable", "FlakesTable")
 UNBOUNDED = 1e6  # slope: steeper slopes count as unbounded in the shader
 # Kinds of numbers that Blender keeps in an array.
 WHOLE, NUMBERS = ("i",), ("i", "f", "d")
@@ -53,8 +54,8 @@ class MapTables:
     """The tables of a map, read in one way; paths are as `paths.stored_path` has them, "" for none.
 
     path: of the table of normals; size: (width, height) of the map in texels; slope_low, slope_high: its smallest and
-    largest slopes along u and v; these are None where they are not known; index: path; source: `image_state` of the map
-    whose tables these are, "" where that is not known.
+    largest slopes along u and v; these are None where they are not known; index: path; flakes: path of the table of
+    flakes; source: `map_state` of the map whose tables these are, "" where that is not known.
     """
 
     path: str = ""
@@ -64,6 +65,7 @@ class MapTables:
     counts: CountsTable = NO_COUNTS
     index: str = ""
     source: str = ""
+    flakes: str = ""
 
     @classmethod
     def of(cls, group) -> MapTables:
@@ -76,6 +78,7 @@ class MapTables:
             CountsTable.of(group),
             stored_text(group, properties.INDEX),
             stored_text(group, properties.SOURCE),
+            stored_text(group, properties.FLAKES),
         )
 
     @classmethod
@@ -98,10 +101,10 @@ class MapTables:
     @property
     def paths(self) -> list[str]:
         """The paths of all tables that there are."""
-        return [path for path in (self.path, self.index, self.counts.path) if path]
+        return [path for path in (self.path, self.index, self.counts.path, self.flakes) if path]
 
     def from_source(self, source: str) -> MapTables:
-        """The same as tables of a map whose `image_state` is `source`; nothing to tell where there is no table."""
+        """The same as tables of a map whose `map_state` is `source`; nothing to tell where there is no table."""
         return replace(self, source=source if self.path else "")
 
     def write_to(self, group):
@@ -112,10 +115,11 @@ class MapTables:
         group[properties.SLOPE_LOW], group[properties.SLOPE_HIGH] = self.slope_low, self.slope_high
         group[properties.COUNTS], group[properties.COUNTS_LEVELS] = counts.path, counts.levels
         group[properties.BIN_LOW], group[properties.BIN_HIGH] = counts.low, counts.high
-        group[properties.INDEX] = self.index
+        group[properties.INDEX], group[properties.FLAKES] = self.index, self.flakes
         script = group.nodes.get(SCRIPT_NODE)
         if script is not None:
-            for name, value in self.socket_values().items():
+            has_colors = self.flakes != "" and flake_color_of(group) is not None
+            for name, value in (self.socket_values() | {"FlakeColors": int(has_colors)}).items():
                 script.inputs[name].default_value = value
 
     def socket_values(self) -> dict:
@@ -134,6 +138,7 @@ class MapTables:
             "CountsLevels": (last // first).bit_length() if counts.path else 0,
             "BinLow": (*counts.low, 0.0),
             "BinHigh": (*counts.high, 0.0),
+            "FlakesTable": self.flakes,
         }
 
 

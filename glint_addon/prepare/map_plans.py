@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import bpy
 
 from ..bake.counts import file_size
+from ..bake.flakes import table_texels
+from ..bake.float_image import list_shape
 from ..bake.slope_index import index_shape
 from ..bake.table import padded_size
 from ..images import ImageStates, image_pixels, image_shape, image_stamp
@@ -15,17 +18,19 @@ from ..nodes import glint_bsdf
 from ..nodes.glint_bsdf import group_binding
 from ..nodes.map_tables import NO_COUNTS, CountsTable, MapTables
 from ..seen.footprints import counts_levels_reached, footprint_range, index_is_reached
+from .flake_images import map_state
 from .stored_tables import is_missing, stored_tables
 from .uses import Uses, image_of_pixels
 
 TEXEL_BYTES = 16  # four 32-bit floats, in memory and in the file
+HALF_TEXEL_BYTES = 8
 
 
 @dataclass
 class MapPlan:
     """A map and one way to read it, for all groups that do.
 
-    binding: that way; size: (width, height) in texels; state: `image_state` of the map; stored: its tables that are
+    binding: that way; size: (width, height) in texels; state: `map_state` of the map; stored: its tables that are
     stored, or None; footprints: smallest and largest that cameras see, see `footprint_range`; levels: block sides
     (first, last) of the counts it needs, or None; has_index: whether it needs the index; has_table: whether it gets
     tables at all.
@@ -58,8 +63,12 @@ class MapPlan:
 
     @property
     def table_bytes(self) -> int:
-        """Memory of the table of normals."""
-        return padded_size(self.size[0]) * padded_size(self.size[1]) * TEXEL_BYTES
+        """Memory of the table of normals, and of that of flakes if there are any."""
+        normals = padded_size(self.size[0]) * padded_size(self.size[1]) * TEXEL_BYTES
+        if not self.binding.has_flakes:
+            return normals
+        columns, rows = list_shape(table_texels(*self.size, self.binding.flake_color is not None))
+        return normals + columns * rows * HALF_TEXEL_BYTES
 
     @property
     def counts_bytes(self) -> int:
@@ -80,10 +89,11 @@ class MapPlan:
 
         A map that is missing has what tables are stored, be they too few: a warning says that it is missing.
         """
-        if self.stored is None:
+        if self.stored is None or self.binding.has_flakes and not self.stored.flakes:
             return None
         has_counts = self.levels is not None and self.stored.counts.levels == self.levels
-        ready = replace(self.stored, counts=self.stored.counts if has_counts else NO_COUNTS,
+        flakes = self.stored.flakes if self.binding.has_flakes else ""
+        ready = replace(self.stored, flakes=flakes, counts=self.stored.counts if has_counts else NO_COUNTS,
                         index=self.stored.index if self.has_index else "")
         is_complete = has_counts == (self.levels is not None) and (ready.index != "") == self.has_index
         return ready if is_complete or is_missing(self.groups[0]) else None
@@ -99,17 +109,17 @@ def map_plans(
     whose file has changed, and makes copies follow images that were painted. Raises MapError for an image without
     pixels, or a way of reading it that glints cannot follow, SceneError for a group that lost a node.
     """
-    sharing: dict[tuple[bpy.types.Image, str], dict[str, list[bpy.types.ShaderNodeTree]]] = {}
+    sharing: dict[tuple[Any, ...], dict[tuple[Any, ...], list[bpy.types.ShaderNodeTree]]] = {}
     for group in uses:
         glint_bsdf.follow_map(group, states)
         binding = group_binding(group)
-        ways = sharing.setdefault((binding.image, binding.convention), {})
-        ways.setdefault(binding.interpolation, []).append(group)
+        ways = sharing.setdefault((binding.image, binding.convention, binding.presence), {})
+        ways.setdefault((binding.interpolation, binding.flake_color), []).append(group)
     plans = []
     for groups in (groups for ways in sharing.values() for groups in ways.values()):
         stored, size = _stored(groups, folder, states)
         footprints = footprints_seen(scene, {group: uses[group] for group in groups}, size, mirrored=mirrored)
-        plan = MapPlan(groups, group_binding(groups[0]), size, states[image_of_pixels(groups[0])], stored, footprints)
+        plan = MapPlan(groups, group_binding(groups[0]), size, map_state(groups[0], states), stored, footprints)
         known = stored or MapTables()
         levels = counts_levels_reached(footprints, *size, plan.interpolation)
         plan.levels = _with_stored(levels, known.counts, keep_levels)
@@ -142,7 +152,7 @@ def _stored(
 ) -> tuple[MapTables | None, tuple[int, int]]:
     """The stored tables of the map of `groups`, if there are any, and its size (width, height) in texels."""
     image = image_of_pixels(groups[0])
-    state = states[image]
+    state = map_state(groups[0], states)
     found = (stored_tables(group, state, folder) for group in groups)
     stored = next((tables for tables in found if tables is not None), None)
     if stored is not None and stored.size is not None:

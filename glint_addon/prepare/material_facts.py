@@ -12,16 +12,18 @@ from ..errors import GlintError
 from ..images import ImageStates, file_digest
 from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH, group_binding
 from ..nodes.script_node import osl_available
+from .flake_images import flakes_state
 from .stored_tables import remembered_tables
 from .uses import Uses, shown_map
 
 VALUES = (ROUGHNESS.name, STRENGTH.name)  # sockets that say which lights facets can mirror
-BINDING_WORDS = ("Interpolation", "Convention", "Distribution", "UV map", "Extension", "Surface", "Frames")
+BINDING_WORDS = ("Interpolation", "Convention", "Distribution", "UV map", "Extension", "Surface", "Presence",
+                 "Flake Color", "Frames")
 
 
 def material_facts(uses: Uses, states: ImageStates) -> dict[str, list[list[str]]]:
-    """Of each material its groups: [name of the map, its state, how it is read..., roughness and strength]; where it
-    cannot be read, the first of these words says why, and the others are empty."""
+    """Of each material its groups: [name of the map, its state, how it is read..., state of the images of its flakes,
+    roughness and strength]; where it cannot be read, the first of these words says why, and the others are empty."""
     found: dict[str, list[list[str]]] = {}
     for group, pairs in uses.items():
         for material in dict.fromkeys(material for _, material in pairs):
@@ -78,10 +80,15 @@ def _group(group: bpy.types.ShaderNodeTree, states: ImageStates) -> list[str]:
     try:
         binding = group_binding(group)
     except GlintError as error:
-        return [image.name_full, states[image], str(error), *[""] * (len(BINDING_WORDS) - 1)]
+        return [image.name_full, states[image], str(error), *[""] * len(BINDING_WORDS)]
     frames = " ".join(map(str, astuple(binding.frames))) if binding.frames else "all"
     return [image.name_full, states[image], binding.interpolation, binding.convention, binding.distribution,
-            binding.uv_map, binding.extension, binding.surface, frames]
+            binding.uv_map, binding.extension, binding.surface, _name(binding.presence), _name(binding.flake_color),
+            frames, flakes_state(group, states)]
+
+
+def _name(image: bpy.types.Image | None) -> str:
+    return image.name_full if image is not None else "none"
 
 
 def _changed_pixels(name: str, state: str) -> str:
@@ -98,8 +105,8 @@ def _values(material: bpy.types.Material, group: bpy.types.ShaderNodeTree) -> st
 
 
 def _changed_group(name: str, now: list[str], before: list[str], digests: dict[str, str]) -> list[str]:
-    image, state, *reading, values = now
-    old_image, old_state, *old_reading, old_values = before
+    image, state, *reading, flakes, values = now
+    old_image, old_state, *old_reading, old_flakes, old_values = before
     if image != old_image:
         return [f'Material "{name}" reads the map "{image}" now, not "{old_image}".']
     is_same = state == old_state or digests[image] != "" and _digest_now(image) == digests[image]
@@ -110,6 +117,8 @@ def _changed_group(name: str, now: list[str], before: list[str], digests: dict[s
         if new != old:
             sentences.append(f'{word} of the map of "{name}" is {new or "the active one"} now, not '
                              f'{old or "the active one"}.')
+    if flakes != old_flakes and reading == old_reading:
+        sentences.append(f'The images of the flakes of "{name}" changed.')
     if values != old_values:
         sentences.append(f'Roughness or Strength of "{name}" changed.')
     return sentences

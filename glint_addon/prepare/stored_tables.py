@@ -20,7 +20,7 @@ from .uses import image_of_pixels
 def stored_tables(group: bpy.types.ShaderNodeTree, state: str, folder: Path) -> MapTables | None:
     """What a group remembers of its map's tables, as far as these are whole and in `folder`, that of this .blend file.
 
-    state: `image_state` of the map now. None if the table of normals is not there, or that of another state; tables of
+    state: `map_state` of the map now. None if the table of normals is not there, or that of another state; tables of
     a map that is missing may be of any state, and anywhere.
     """
     known, has_no_map = MapTables.of(group), is_missing(group)
@@ -35,7 +35,8 @@ def stored_tables(group: bpy.types.ShaderNodeTree, state: str, folder: Path) -> 
         return None
     has_counts = known.counts.is_known and is_stored(known.counts.path)
     return replace(known, counts=known.counts if has_counts else NO_COUNTS,
-                   index=known.index if is_stored(known.index) else "")
+                   index=known.index if is_stored(known.index) else "",
+                   flakes=known.flakes if is_stored(known.flakes) else "")
 
 
 def is_missing(group: bpy.types.ShaderNodeTree) -> bool:

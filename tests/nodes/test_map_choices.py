@@ -123,8 +123,8 @@ def test_every_choice_is_a_field_and_an_argument_with_the_same_default():
 
 
 def test_changes_are_told_in_the_words_of_the_list():
-    words = {name: choice.label for name, choice in CHOICES.items()} | {"uv_map": "UV map", "frames": "Frames"}
-    assert tuple(words[name] for name in (*READING, "frames")) == BINDING_WORDS
+    words = {name: choice.label for name, choice in CHOICES.items()} | {"uv_map": "UV map"}
+    assert (*(words[name] for name in READING), "Presence", "Flake Color", "Frames") == BINDING_WORDS
 
 
 def test_the_flags_are_inputs_of_the_shader():

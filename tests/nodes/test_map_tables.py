@@ -10,13 +10,13 @@ from glint_addon.nodes.map_tables import PATHS, SCRIPT_NODE, CountsTable, MapTab
 
 COUNTS = CountsTable("//glint_tables/counts.exr", (32, 128), (-0.25, -0.5), (0.5, 0.75))
 TABLES = MapTables("//glint_tables/table.exr", (64, 32), (-1.0, -0.5), (0.25, 2.0), COUNTS, "//glint_tables/index.exr",
-                   "map.png|1|2")
+                   "map.png|1|2", "//glint_tables/flakes.exr")
 # The names in files of this version: a file that is opened again must be understood.
 STORED = {
     "glint_table": TABLES.path, "glint_source": TABLES.source, "glint_size": [64, 32],
     "glint_slope_low": [-1.0, -0.5], "glint_slope_high": [0.25, 2.0], "glint_index": TABLES.index,
     "glint_counts": COUNTS.path, "glint_counts_levels": [32, 128], "glint_bin_low": [-0.25, -0.5],
-    "glint_bin_high": [0.5, 0.75],
+    "glint_bin_high": [0.5, 0.75], "glint_flakes": TABLES.flakes,
 }
 PAIRS = {properties.SIZE: "size", properties.SLOPE_LOW: "slope_low", properties.SLOPE_HIGH: "slope_high"}
 COUNTS_PAIRS = {properties.COUNTS_LEVELS: "levels", properties.BIN_LOW: "low", properties.BIN_HIGH: "high"}
@@ -61,7 +61,8 @@ def test_the_osl_node_is_told_of_the_tables(group):
     TABLES.write_to(group)
     assert socket_values(group) == {
         "Table": TABLES.path, "Width": 64.0, "Height": 32.0, "SlopeLow": (-1, -0.5, 0), "SlopeHigh": (0.25, 2, 0),
-        "IndexTable": TABLES.index, "CountsTable": COUNTS.path, "CountsFirst": 32, "CountsLevels": 3,
+        "IndexTable": TABLES.index, "FlakesTable": TABLES.flakes,
+        "CountsTable": COUNTS.path, "CountsFirst": 32, "CountsLevels": 3,
         "BinLow": (-0.25, -0.5, 0), "BinHigh": (0.5, 0.75, 0)}
 
 
@@ -107,7 +108,7 @@ def test_a_damaged_path_is_none(group, name, value):
     TABLES.write_to(group)
     damage(group, name, value)
     tables = MapTables.of(group)
-    assert len(tables.paths) == 3 - (name in PATHS) and (tables.source == "") == (name == properties.SOURCE)
+    assert len(tables.paths) == len(PATHS) - (name in PATHS) and (tables.source == "") == (name == properties.SOURCE)
 
 
 @pytest.mark.parametrize("levels", [[0, 128], [-32, 128], [32.0, 128.0]])
@@ -129,7 +130,7 @@ def test_paths_are_changed_where_the_preparation_and_the_render_look(group):
     moved = [path.replace("//", "/elsewhere/") for path in TABLES.paths]
     assert MapTables.of(group).paths == moved
     values = socket_values(group)
-    assert [values[name] for name in ("Table", "IndexTable", "CountsTable")] == moved
+    assert [values[name] for name in ("Table", "IndexTable", "CountsTable", "FlakesTable")] == moved
 
 
 def damage(group, name, value):
