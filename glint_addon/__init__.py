@@ -7,10 +7,12 @@ _PUBLIC = {
     "changes_since_prepared": "prepare.changes",
     "create_glint_material": "materials.create",
     "prepare_scene": "prepare.scene",
+    "presets": "materials.presets",
 }
 
 __all__ = [  # noqa: F822  (see __getattr__)
-    "changes_since_prepared", "create_glint_material", "prepare_scene", "register", "unregister",
+    "changes_since_prepared", "create_glint_material", "prepare_scene", "presets", "register",
+    "unregister",
 ]
 
 

@@ -51,3 +51,8 @@ def user_folder() -> Path:
         # The extension's package is the parent of this one.
         return Path(bpy.utils.extension_path_user(PACKAGE.rpartition(".")[0], create=False))
     return Path(bpy.utils.user_resource("DATAFILES")) / "glint"
+
+
+def preset_folder() -> Path:
+    """Folder of the presets' files, which come with the extension."""
+    return Path(__file__).resolve().parent / "presets"

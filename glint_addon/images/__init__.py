@@ -5,6 +5,7 @@ from .files import Frames, image_files, image_path, is_several, is_still, sequen
 from .generated import (
     Pictures,
     check_unchanged,
+    is_edited,
     is_generated_map,
     is_preview,
     new_generated_map,
@@ -32,6 +33,7 @@ __all__ = (
     "image_stamp",
     "image_state",
     "is_data_copy",
+    "is_edited",
     "is_generated_map",
     "is_layered",
     "is_preview",

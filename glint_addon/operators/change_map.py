@@ -43,7 +43,7 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
     def run(self, context):
         """Let every Glint BSDF node of the material use the group that reads the chosen map."""
         from ..images import remove_unused_copies
-        from ..materials.create import bound_group
+        from ..materials.build import bound_group
         from ..materials.replace_group import replace_group
 
         material = active_material(context)

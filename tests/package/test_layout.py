@@ -18,7 +18,7 @@ ALLOWED = {
     "generate": {"errors"},
     "images": {"bake", "errors", "generate", "properties"},
     "nodes": {"bake", "errors", "images", "paths", "properties"},
-    "materials": {"bake", "errors", "images", "nodes"},
+    "materials": {"bake", "errors", "generate", "images", "nodes", "paths", "properties"},
     "lights": {"animation", "bake", "errors", "images", "materials", "nodes"},
     "seen": {"animation", "bake", "materials", "nodes"},
     "choice": {"animation", "lights", "materials", "nodes", "seen"},

@@ -10,7 +10,7 @@ import pytest
 
 from glint_addon import changes_since_prepared, create_glint_material, prepare_scene
 from glint_addon.bake.float_image import is_whole
-from glint_addon.materials.create import bound_group
+from glint_addon.materials.build import bound_group
 from glint_addon.materials.find import glint_groups
 from glint_addon.nodes.glint_bsdf import VERSION
 from glint_addon.nodes.map_binding import MapBinding, map_of
