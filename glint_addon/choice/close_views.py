@@ -34,9 +34,9 @@ def is_close_up(scene: bpy.types.Scene, views: SceneViews | None, family: Family
     views: what `scene_views` found; family: `material_lights.Family`. False where that is not known, and for Linear
     maps, whose slopes differ within a texel. Matrices must be current.
     """
-    if views is None or views.has_mirrors or not family.nodes:
+    if views is None or views.has_mirrors or not family.held:
         return False
-    groups = {node.node_tree for node in family.nodes}
+    groups = {held.group for held in family.held}
     if any(group_binding(group).interpolation != "CLOSEST" or MapTables.of(group).size is None for group in groups):
         return False
     seen = [_texels_a_footprint(scene, views, thing, family.materials, groups) for thing in family.objects]

@@ -1,7 +1,7 @@
 """Which materials look for the same lights.
 
 Materials that hold their glints inside one group of the user's share what is in that group: they look for one set of
-lights.
+lights. A group that only one material uses, once, is that material's own.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..materials.find import held_groups
-from ..nodes.glint_bsdf import is_glint_group, lights_of
+from ..materials.find import HeldNode, held_nodes
+from ..nodes.glint_bsdf import lights_of
 from ..nodes.glint_lights import set_of
-from ..nodes.map_binding import map_of
 
 
 @dataclass(frozen=True)
 class Family:
-    """Materials that look for the same lights. objects: with any of them; nodes: their Glint BSDF nodes, whose groups
-    may be replaced, none if the materials' groups must stay as they are; groups: the Glint BSDF groups in use; sets:
-    numbers of the sets of lights that those of another file read, which must stay too."""
+    """Materials that look for the same lights. objects: with any of them; held: their Glint BSDF nodes; nodes: the same
+    where their groups may be replaced, none if the materials' groups must stay as they are; groups: the Glint BSDF
+    groups in use; sets: numbers of the sets of lights that those of another file read, which must stay too."""
 
     materials: tuple[bpy.types.Material, ...]
     objects: tuple[bpy.types.Object, ...]
+    held: tuple[HeldNode, ...]
     nodes: tuple[bpy.types.ShaderNode, ...]
     groups: tuple[bpy.types.ShaderNodeTree, ...]
     sets: frozenset[int] = frozenset()
@@ -43,8 +43,11 @@ def material_families(
         groups[material] = tuple(group for group in uses if any(each == material for _, each in uses[group]))
     held = [material for material in objects if not _is_free(material, groups[material])]
     families = [_held_family(materials, sets, objects, groups) for sets, materials in _by_sets(held, groups)]
-    return families + [Family((material,), tuple(objects[material]), tuple(_nodes(material)), groups[material])
-                       for material in objects if material not in held]
+    for material in (material for material in objects if material not in held):
+        nodes = tuple(held_nodes(material))
+        families.append(Family((material,), tuple(objects[material]), nodes, tuple(each.node for each in nodes),
+                               groups[material]))
+    return families
 
 
 def _by_sets(
@@ -70,23 +73,19 @@ def _held_family(
 ) -> Family:
     things = dict.fromkeys(thing for material in materials for thing in objects[material])
     shared = dict.fromkeys(group for material in materials for group in groups[material])
-    return Family(tuple(materials), tuple(things), (), tuple(shared), sets)
+    nodes = tuple(each for material in materials for each in held_nodes(material))
+    return Family(tuple(materials), tuple(things), nodes, (), tuple(shared), sets)
 
 
 def _is_free(material: bpy.types.Material, groups: tuple[bpy.types.ShaderNodeTree, ...]) -> bool:
-    """Whether a material holds each of `groups` itself, so that another group may take its place."""
-    own = {node.node_tree for node in _nodes(material)}
-    return material.library is None and material.override_library is None and set(groups) <= own and not _holds_deeper(
-        material.node_tree)
+    """Whether each of `groups` of a material may be replaced by another, in the material itself or in groups of the
+    user's that nobody else uses."""
+    nodes = held_nodes(material)
+    own = {each.group for each in nodes if _is_alone(each)}
+    return (material.library is None and material.override_library is None and set(groups) <= own
+            and all(map(_is_alone, nodes)))
 
 
-def _holds_deeper(tree: bpy.types.NodeTree) -> bool:
-    """Whether a group of the user's inside the tree holds a Glint BSDF."""
-    inner = {node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup"} - {None}
-    return any(is_glint_group(each) for group in inner if not is_glint_group(group) for each in held_groups(group))
-
-
-def _nodes(material: bpy.types.Material) -> list[bpy.types.ShaderNode]:
-    """The Glint BSDF nodes with a map that a material holds itself."""
-    return [node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup"
-            and is_glint_group(node.node_tree) and map_of(node.node_tree) is not None]
+def _is_alone(held: HeldNode) -> bool:
+    """Whether the groups around a node are of this file, and only used there."""
+    return all(node.node_tree.library is None and node.node_tree.users == 1 for node in held.outer)

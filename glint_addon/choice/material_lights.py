@@ -29,7 +29,7 @@ def material_choices(
     lit = {hint: set(_lit(hint, everything)) for hint in found}
     chosen = []
     for family in families:
-        facets = facets_of(family.nodes)
+        facets = facets_of(family.held)
         alpha = facets.alpha if facets else SHARPEST
         shared: dict[tuple[bpy.types.Object, ...], list[Hint]] = {}
         for hint in found:

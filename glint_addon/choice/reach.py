@@ -21,6 +21,7 @@ from ..lights.irradiance import irradiances
 from ..lights.kind import Local, lamp_at
 from ..lights.kinds import kind_of, may_change_cone, may_change_size
 from ..lights.softness import SOFT_HALF_ANGLE
+from ..materials.find import HeldNode
 from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH
 from ..nodes.glint_lights import KIND_SUN
 from ..nodes.map_tables import MapTables
@@ -52,8 +53,8 @@ class Facets:
     alpha: float
 
 
-def facets_of(nodes: tuple[bpy.types.ShaderNode, ...]) -> Facets | None:
-    """The facets of a material whose glints come from the group nodes `nodes`; None if they are not known."""
+def facets_of(nodes: tuple[HeldNode, ...]) -> Facets | None:
+    """The facets of materials whose glints come from the group nodes `nodes`; None if they are not known."""
     known = [facets for facets in map(_facets, nodes) if facets is not None]
     if len(known) < len(nodes) or not known:
         return None
@@ -98,17 +99,16 @@ def judgements(
     return judged
 
 
-def _facets(node: bpy.types.ShaderNode) -> Facets | None:
-    group, roughness, strength = node.node_tree, node.inputs[ROUGHNESS.name], node.inputs[STRENGTH.name]
-    is_animated, tables = node.id_data.animation_data is not None, MapTables.of(group)
+def _facets(node: HeldNode) -> Facets | None:
+    roughness, strength, tables = node.value(ROUGHNESS.name), node.value(STRENGTH.name), MapTables.of(node.group)
     low, high = tables.slope_low, tables.slope_high
-    if is_animated or roughness.is_linked or strength.is_linked or not tables.has_bounds or low is None or high is None:
+    if roughness is None or strength is None or not tables.has_bounds or low is None or high is None:
         return None
     bounds = np.abs([low, high]).max(axis=0)
     if not bounds.any():
         return None  # the shader does not know them either
-    slope = abs(strength.default_value) * float(np.linalg.norm(bounds))
-    return Facets(max(slope, FLATTEST), max(min(roughness.default_value, 1.0), LEAST_ROUGHNESS) ** 2)
+    slope = abs(strength) * float(np.linalg.norm(bounds))
+    return Facets(max(slope, FLATTEST), max(min(roughness, 1.0), LEAST_ROUGHNESS) ** 2)
 
 
 def _judgement(hint: Hint, views: SceneViews, moved: PatchesOver, facets: Facets) -> Judgement:

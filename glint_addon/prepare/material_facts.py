@@ -10,6 +10,7 @@ import bpy
 from ..bake.float_image import is_whole
 from ..errors import GlintError
 from ..images import ImageStates, file_digest
+from ..materials.find import held_nodes
 from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH, group_binding
 from ..nodes.script_node import osl_available
 from .flake_images import flakes_state
@@ -96,12 +97,12 @@ def _changed_pixels(name: str, state: str) -> str:
 
 
 def _values(material: bpy.types.Material, group: bpy.types.ShaderNodeTree) -> str:
-    """Values that say which lights facets can mirror, to two digits, of the nodes that the material itself holds."""
-    nodes = [node for node in material.node_tree.nodes if getattr(node, "node_tree", None) == group]
-    if material.node_tree.animation_data is not None:
+    """Values that say which lights facets can mirror, to two digits, of the nodes with the group."""
+    nodes = [held for held in held_nodes(material) if held.group == group]
+    if any(tree.animation_data is not None for held in nodes for tree in held.trees):
         return ""
-    sockets = [node.inputs[name] for node in nodes for name in VALUES if name in node.inputs]
-    return " ".join("" if socket.is_linked else f"{socket.default_value:.2g}" for socket in sockets)
+    values = [held.value(name) for held in nodes for name in VALUES if name in held.node.inputs]
+    return " ".join("" if value is None else f"{value:.2g}" for value in values)
 
 
 def _changed_group(name: str, now: list[str], before: list[str], digests: dict[str, str]) -> list[str]:

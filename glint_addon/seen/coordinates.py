@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Euler
 
-from ..materials.find import held_groups
+from ..materials.find import HeldNode, handed_down, held_nodes
 from ..nodes import scale
 from ..nodes.glint_bsdf import VECTOR
 from .meshes import corner_uvs, triangle_corners
@@ -39,32 +39,29 @@ def uv_transforms(
 
     metres: function (name of a UV map) of an object, metres of the scene that one unit of it covers there, for
     materials with a Glint Scale. "" is the UV map that is active for rendering. None where the nodes do not say: other
-    coordinates, animated nodes or nodes of other kinds, a group inside another group.
+    coordinates, animated nodes or nodes of other kinds.
     """
-    tree = material.node_tree
-    if tree.animation_data is not None or tree.library is not None:
-        return None
     found = []
-    for node in tree.nodes:
-        if node.bl_idname != "ShaderNodeGroup" or node.node_tree is None:
+    for held in held_nodes(material):
+        if held.group != group:
             continue
-        if node.node_tree == group:
-            way = _way_to(node)
-            if way.uv_map is None:
-                return None
-            size = 1.0 if way.measured is None else metres(way.measured)
-            found.append((way.uv_map, size * way.matrix[:2, :2]))
-        elif group in held_groups(node.node_tree):
+        way = _way_to(held)
+        if way.uv_map is None or any(tree.animation_data is not None or tree.library is not None
+                                     for tree in held.trees):
             return None
+        size = 1.0 if way.measured is None else metres(way.measured)
+        found.append((way.uv_map, size * way.matrix[:2, :2]))
     return found or None
 
 
-def _way_to(node: bpy.types.Node) -> _Way:
-    """What is between a UV map and the Vector input of a node."""
-    socket, way = node.inputs.get(VECTOR.name), _Way(np.eye(3))
-    if socket is not None and not socket.is_linked:
-        way.uv_map = ""  # an input without a link reads the active UV map, as of every texture
+def _way_to(held: HeldNode) -> _Way:
+    """What is between a UV map and the Vector input of a node, also outside the groups around it."""
+    socket, outer, way = held.node.inputs.get(VECTOR.name), held.outer, _Way(np.eye(3))
     while socket is not None and way.uv_map is None:
+        socket, outer = handed_down(socket, outer)
+        if not socket.is_linked and (socket.hide_value or socket == held.node.inputs[VECTOR.name]):
+            way.uv_map = ""  # an input without a link reads the active UV map, as of every texture
+            break
         socket = _step_back(socket, way)
     return way
 

@@ -190,14 +190,33 @@ def test_materials_with_glints_inside_a_group_of_the_users_share_one_set(scene, 
     assert len(report["hints"]) == 8 and "Glint Lights.001" not in bpy.data.node_groups
 
 
+def wrap(material):
+    """Put a material's Glint BSDF into a group of its own."""
+    node = next(each for each in material.node_tree.nodes if each.bl_idname == "ShaderNodeGroup")
+    wrapper = bpy.data.node_groups.new("Wrapper", "ShaderNodeTree")
+    wrapper.nodes.new("ShaderNodeGroup").node_tree = node.node_tree
+    node.node_tree = wrapper
+
+
 def test_a_group_that_a_group_of_the_users_holds_too_stays_in_both_places(scene, two_planes):
     material = two_planes[0].material_slots[0].material
     glints = glint_groups(material)[0]
     users = bpy.data.node_groups.new("Users own", "ShaderNodeTree")
     users.nodes.new("ShaderNodeGroup").node_tree = glints
-    material.node_tree.nodes.new("ShaderNodeGroup").node_tree = users
+    for _ in range(2):
+        material.node_tree.nodes.new("ShaderNodeGroup").node_tree = users
     held, free = material_families(glint_uses(scene))
     assert held.materials == (material,) and not held.nodes and free.nodes
+    assert len(held.held) == 3 and len(free.held) == 1
+
+
+def test_a_group_of_the_users_that_is_used_once_is_its_materials_own(scene, two_planes):
+    materials = [plane.material_slots[0].material for plane in two_planes]
+    for material in materials:
+        wrap(material)
+    families = material_families(glint_uses(scene))
+    assert [family.materials for family in families] == [(material,) for material in materials]
+    assert all(family.nodes and family.nodes[0].id_data.name.startswith("Wrapper") for family in families)
 
 
 def test_scenes_do_not_disturb_each_other_and_a_shared_material_finds_the_lights_of_each(scene, flake_map):

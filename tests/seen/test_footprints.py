@@ -342,25 +342,41 @@ def bent_coordinates(scene, plane):
     tree.links.new(noise.outputs["Color"], surface_node(plane).inputs["Vector"])
 
 
-def inside_a_group(scene, plane):
-    tree = plane.material_slots[0].material.node_tree
-    wrapper = bpy.data.node_groups.new("Wrapper", "ShaderNodeTree")
-    wrapper.nodes.new("ShaderNodeGroup").node_tree = surface_node(plane).node_tree
-    tree.nodes.new("ShaderNodeGroup").node_tree = wrapper
-
-
 @pytest.mark.parametrize(
     "change",
     [panorama, no_camera, stereo, driven_camera, camera_in_a_strip, zooming_camera, moving_object, growing_object,
      changing_mesh, constraint, changing_samples, instancer,
      waves, displacement, no_uv_map, degenerate_uvs, flattened, object_coordinates, linked_scale, animated_nodes,
-     bent_coordinates, inside_a_group],
+     bent_coordinates],
 )
 def test_in_doubt_the_range_is_everything(scene, material, change):
     plane = cycles.add_plane(scene, material=material)
     assert judged(scene, plane) != EVERYTHING
     change(scene, plane)
     assert judged(scene, plane) == EVERYTHING
+
+
+def test_groups_around_the_node_change_nothing(scene, material):
+    plane = cycles.add_plane(scene, material=material)
+    expected = judged(scene, plane)
+    tree, node = material.node_tree, surface_node(plane)
+    source = node.inputs["Vector"].links[0].from_socket
+    for name in ("Inner", "Outer"):
+        wrapper = bpy.data.node_groups.new(name, "ShaderNodeTree")
+        wrapper.interface.new_socket("Place", in_out="INPUT", socket_type="NodeSocketVector")
+        held = wrapper.nodes.new("ShaderNodeGroup")
+        held.node_tree = node.node_tree
+        wrapper.links.new(wrapper.nodes.new("NodeGroupInput").outputs["Place"], held.inputs[-1])
+        tree.nodes.remove(node)
+        node = tree.nodes.new("ShaderNodeGroup")
+        node.node_tree = wrapper
+    tree.links.new(source, node.inputs["Place"])
+    assert judged(scene, plane) == expected != EVERYTHING
+    # An input that shows its value has that value, and no coordinates.
+    tree.links.remove(node.inputs["Place"].links[0])
+    assert judged(scene, plane) == EVERYTHING
+    node.inputs["Place"].hide_value = True
+    assert judged(scene, plane) == expected
 
 
 def test_without_coordinates_it_is_that_of_the_uv_map(scene, material):
