@@ -12,16 +12,14 @@ import bpy
 from ..errors import MapError, SceneError
 from ..images import image_shape, is_several
 from ..properties import OLD_INTERPOLATION, OLD_PROPERTIES, STAMP
-from . import glint_lights, places
+from . import glint_lights, places, resampled
 from .builder import (
     Socket,
     add_input,
     add_math,
-    add_mix,
     add_node,
     add_output,
     arrange,
-    feed,
     local_group,
     new_group,
     version_of,
@@ -50,16 +48,8 @@ GRID_NODE = "OnGrid"
 UV_NODE = "UV Map"
 MIX_NODE = "OSL or native"
 WAY_NODE = "OSL renders"
-WIDE_NODE = "Wider than a texel"
-# By nodes alone: the places' own copies of the nodes that read the map, and what chooses between them and plain nodes.
-PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE = "Places Image", "Tangent", "Bitangent"
-KEPT_NORMAL, KEPT_FACETS, OWN_FACETS, PLACES_MIX = "Kept Normal", "Kept Facets", "Own Facets", "Places or plain"
 OSL_NODES = (SCRIPT_NODE, CAUSTICS_NODE, GRID_NODE, MIX_NODE)
 OWN_NODES = (LIGHTS_NODE, UV_NODE, WAY_NODE)
-PLACES_NODES = (*places.NODES, PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL, KEPT_FACETS, OWN_FACETS,
-                WIDE_NODE, PLACES_MIX)
-# Colours that a normal map has for its two axes.
-AXES = {TANGENT_NODE: (1.0, 0.5, 0.5, 1.0), BITANGENT_NODE: (0.5, 1.0, 0.5, 1.0)}
 
 # Whether Cycles runs the OSL lobe, in the scene that is being rendered: on a GPU it has too few closures.
 OSL_RENDERS = Driven(
@@ -193,22 +183,16 @@ def refresh(group):
 
 def _is_complete(group) -> bool:
     """Whether the nodes that Blender's own do not replace are all there, and the shader, if any, is compiled."""
-    names = (*OWN_NODES, *(PLACES_NODES if takes_places(group) else ()))
+    names = (*OWN_NODES, *(resampled.NODES if map_of(group) is not None else ()))
     if osl_available():
         names = (*OSL_NODES, *names)
     is_whole = all(name in group.nodes for name in names)
     return is_whole and (not osl_available() or bool(group.nodes[SCRIPT_NODE].bytecode))
 
 
-def takes_places(group) -> bool:
-    """Whether a group can choose among places of its map: the closures of other kinds of surface take no weight, and
-    flakes differ in more than their normals."""
-    return map_of(group) is not None and surface_of(group) == "TINT" and not nodes_binding(group).has_flakes
-
-
 def _has_places(group) -> bool:
     """Whether the group has the nodes that choose among places of its map."""
-    return map_of(group) is not None and all(name in group.nodes for name in PLACES_NODES)
+    return map_of(group) is not None and all(name in group.nodes for name in resampled.NODES)
 
 
 def share_closures(group, lobes: int):
@@ -272,8 +256,10 @@ def _add_nodes(group, binding):
     way = add_node(group, "ShaderNodeValue", WAY_NODE).outputs["Value"]
     choose_way(group)
     native = glossy
-    if takes_places(group):
-        native = _add_places(group, source, lights, coordinates, glossy)
+    if binding.image is not None:
+        native = resampled.add_surface(group, source, lights, coordinates, way, glossy)
+        height, width, _ = image_shape(group.nodes[IMAGE_NODE].image)
+        follow_footprints(group, (width, height), are_wide=True)
     script = add_script_node(group, "glint.osl", SCRIPT_NODE)
     if script is None:
         _follow_nodes(group, binding)
@@ -340,53 +326,13 @@ def follow_footprints(group, size, *, are_wide: bool):
     a camera sees a footprint wider than a texel: where none does, places are not even compiled."""
     if _has_places(group):
         places.follow_size(group, size)
-        write_number(group.nodes[WIDE_NODE].outputs["Value"], float(are_wide))
-
-
-def _add_places(group, source, lights, coordinates, glossy):
-    """The same surface with less noise, see `places`, and plain where that is of no use; returns the BSDF output."""
-    roughness, strength = source.outputs[ROUGHNESS.name], source.outputs[STRENGTH.name]
-    vector = source.outputs[VECTOR.name]
-    is_connected = add_math(group, "GREATER_THAN", add_math(group, "LENGTH", vector, vector=True), 0.0)
-    coordinates = add_mix(group, "VECTOR", is_connected, coordinates, vector, "Coordinates")
-    texture = add_node(group, "ShaderNodeTexImage", PLACES_IMAGE, image=group.nodes[IMAGE_NODE].image)
-    frame = [add_node(group, "ShaderNodeNormalMap", name, inputs={"Color": colour}).outputs["Normal"]
-             for name, colour in AXES.items()]
-    found = places.add_places(group, texture, group.nodes[IMAGE_NODE].outputs["Color"], frame, lights, {
-        "Coordinates": coordinates, "Roughness": roughness, "Strength": strength})
-    kept_normal = add_node(group, "ShaderNodeNormalMap", KEPT_NORMAL)
-    group.links.new(found.kept, kept_normal.inputs["Color"])
-    group.links.new(strength, kept_normal.inputs["Strength"])
-    lobes = add_node(group, "ShaderNodeAddShader")
-    parts = ((KEPT_FACETS, kept_normal, found.kept_weight), (OWN_FACETS, group.nodes[NORMAL_NODE], found.own_weight))
-    for (name, normal, weight), into in zip(parts, lobes.inputs, strict=True):
-        lobe = add_node(group, "ShaderNodeBsdfAnisotropic", name)
-        feed(group, lobe.inputs["Color"], add_math(group, "SCALE", source.outputs["Color"], weight, vector=True))
-        feed(group, lobe.inputs["Roughness"], roughness)
-        feed(group, lobe.inputs["Normal"], normal.outputs["Normal"])
-        group.links.new(lobe.outputs["BSDF"], into)
-
-    # After a diffuse bounce the view comes from so near and wide that a footprint would blur; Cycles skips what is
-    # behind a factor of 0, and compiles none of it where the factor is 0 before the render.
-    bounced = add_node(group, "ShaderNodeLightPath").outputs["Is Diffuse Ray"]
-    is_useful = add_math(group, "MULTIPLY", found.is_useful, add_math(group, "SUBTRACT", 1.0, bounced))
-    is_wide = add_node(group, "ShaderNodeValue", WIDE_NODE).outputs["Value"]
-    by_nodes = add_math(group, "MULTIPLY", is_wide,
-                        add_math(group, "SUBTRACT", 1.0, group.nodes[WAY_NODE].outputs["Value"]))
-    mix = add_node(group, "ShaderNodeMixShader", PLACES_MIX)
-    for socket, shader in zip(mix.inputs, (add_math(group, "MULTIPLY", by_nodes, is_useful), glossy, lobes.outputs[0]),
-                              strict=True):
-        group.links.new(shader, socket)
-    height, width, _ = image_shape(group.nodes[IMAGE_NODE].image)
-    follow_footprints(group, (width, height), are_wide=True)
-    return mix.outputs[0]
+        write_number(group.nodes[resampled.WIDE_NODE].outputs["Value"], float(are_wide))
 
 
 def _follow_nodes(group, binding):
     """Let the places and the OSL node, where there are any, read the map as Blender's own nodes do."""
     if _has_places(group):
-        write_reading(group, binding, {IMAGE_NODE: (PLACES_IMAGE,), FACETS_NODE: (KEPT_FACETS, OWN_FACETS),
-                                       NORMAL_NODE: (TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL)})
+        write_reading(group, binding, resampled.COPIES)
         places.follow_distribution(group, binding.distribution == "GGX")
     script = group.nodes.get(SCRIPT_NODE)
     if script is None:
@@ -432,10 +378,9 @@ def follow_map(group, states=None):
         _read_map(group, map_of(group), states)
     if presence_of(group) is not None:
         read_as_data(group, PRESENCE_NODE, PRESENCE_ORIGINAL, presence_of(group), states)
+        resampled.follow_images(group)
 
 
 def _read_map(group, image, states=None):
     read_as_data(group, IMAGE_NODE, ORIGINAL_NODE, image, states)
-    places_image = group.nodes.get(PLACES_IMAGE)
-    if places_image is not None and places_image.image != group.nodes[IMAGE_NODE].image:
-        places_image.image = group.nodes[IMAGE_NODE].image
+    resampled.follow_images(group)

@@ -127,8 +127,9 @@ def write_reading(group, binding: MapBinding, copies=None):
 
     copies: {name of one of these nodes: names of the nodes that are to say the same instead}.
     """
-    copies = copies or {name: (name,) for name in (IMAGE_NODE, NORMAL_NODE, FACETS_NODE)}
-    flakes = tuple(name for name in (PRESENCE_NODE, FLAKE_COLOR_NODE) if name in group.nodes)
+    own = (IMAGE_NODE, NORMAL_NODE, FACETS_NODE, PRESENCE_NODE, FLAKE_COLOR_NODE)
+    copies = copies or {name: (name,) for name in own}
+    flakes = [copy for name in (PRESENCE_NODE, FLAKE_COLOR_NODE) if name in group.nodes for copy in copies[name]]
     copies = copies | {IMAGE_NODE: (*copies[IMAGE_NODE], *flakes)}
     values = [(choice.node, name, choice.value(getattr(binding, name)).native) for name, choice in PROPERTIES.items()]
     for original, name, value in (*values, (NORMAL_NODE, "uv_map", binding.uv_map)):

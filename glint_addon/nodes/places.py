@@ -15,6 +15,7 @@ The formulas that no user need look at are in hidden groups, which all Glint BSD
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import bpy
@@ -70,13 +71,20 @@ PIXEL_WIDTH = Driven(
 
 @dataclass(frozen=True)
 class Places:
-    """What `add_places` returns, sockets all: colour of the kept normal; weights of the kept and of the own normal;
-    is_useful: 1 where a footprint is wider than a texel and a light is looked for, else 0."""
+    """What `add_places` returns, sockets all: colour of the kept normal, and its texture coordinates; weights of the
+    kept and of the own normal; is_useful: 1 where a footprint is wider than a texel and a light is looked for, else
+    0."""
 
     kept: bpy.types.NodeSocket
+    kept_place: bpy.types.NodeSocket
     kept_weight: bpy.types.NodeSocket
     own_weight: bpy.types.NodeSocket
     is_useful: bpy.types.NodeSocket
+
+
+# What a hidden group consists of: its outputs, its inputs, and the function (group, sockets of its inputs by name) that
+# adds nodes and returns the sockets of its outputs by name.
+Formulas = tuple[tuple[Socket, ...], tuple[Socket, ...], Callable[..., dict]]
 
 
 def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> Places:
@@ -109,11 +117,13 @@ def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> P
     group.links.new(place, chance.inputs["Vector"])
     is_kept = add_math(group, "LESS_THAN", add_math(group, "MULTIPLY", chance.outputs["Value"], total), importance)
     group.links.new(total, end.inputs["Sum"])
-    group.links.new(add_mix(group, "VECTOR", is_kept, start.outputs["Normal"], colour, "Keep"), end.inputs["Normal"])
+    for name, new in (("Normal", colour), ("Place", place)):
+        group.links.new(add_mix(group, "VECTOR", is_kept, start.outputs[name], new, f"Keep {name}"), end.inputs[name])
 
     mean = add_math(group, "DIVIDE", end.outputs["Sum"], count)
     return Places(
         kept,
+        end.outputs["Place"],
         add_math(group, "DIVIDE", mean, add_math(group, "ADD", of_kept, FLOOR)),
         add_math(group, "DIVIDE", FLOOR, add_math(group, "ADD", of_own, FLOOR)),
         add_math(group, "MULTIPLY", known["Is Lit"], footprint["Is Wide"]),
@@ -121,7 +131,7 @@ def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> P
 
 
 def _add_repeat_zone(group):
-    """The number of places, and both ends of a zone that goes on so often with a sum and a normal."""
+    """The number of places, and both ends of a zone that goes on so often with a sum, a normal and its place."""
     count = add_node(group, "FunctionNodeInputInt", COUNT_NODE, integer=DEFAULT_COUNT)
     bounds = add_node(group, "ShaderNodeClamp", inputs={"Min": 1.0, "Max": LARGEST_COUNT})
     group.links.new(count.outputs["Integer"], bounds.inputs["Value"])
@@ -132,6 +142,7 @@ def _add_repeat_zone(group):
     end.repeat_items.clear()
     end.repeat_items.new("FLOAT", "Sum")
     end.repeat_items.new("VECTOR", "Normal")
+    end.repeat_items.new("VECTOR", "Place")
     return bounds.outputs["Result"], start, end
 
 
@@ -167,15 +178,15 @@ def follow_distribution(group, is_ggx: bool):
         _set(group.nodes[name].inputs["GGX"], float(is_ggx))
 
 
-def hidden_group(name: str) -> bpy.types.ShaderNodeTree:
-    """The local hidden group `name`, built if the file has none.
+def hidden_group(name: str, formulas: Formulas | None = None) -> bpy.types.ShaderNodeTree:
+    """The local hidden group `name`, one of HIDDEN or of other `formulas`, built if the file has none.
 
     Raises SceneError if a group of that name exists that the extension did not make.
     """
     group = local_group(name)
     if group is not None:
         return group
-    outputs, inputs, add_formulas = _FORMULAS[name]
+    outputs, inputs, add_formulas = formulas or _FORMULAS[name]
     group = new_group(name, VERSION, "Part of Glint BSDF, where Open Shading Language cannot run")
     add_sockets(group, outputs, inputs)
     results = add_formulas(group, add_node(group, "NodeGroupInput").outputs)
@@ -384,8 +395,13 @@ def _set(socket, value):
 
 
 def _add_group(group, name, label, sources):
-    """Add hidden group `name` to `group`; sources: {input: socket or value}."""
-    node = add_node(group, "ShaderNodeGroup", label, node_tree=hidden_group(name))
+    """Add one of HIDDEN to `group`; sources: {input: socket or value}."""
+    return add_hidden_group(group, name, label, sources)
+
+
+def add_hidden_group(group, name, label, sources, formulas: Formulas | None = None) -> bpy.types.ShaderNode:
+    """Add `hidden_group` to `group`; sources: {input: socket or value}."""
+    node = add_node(group, "ShaderNodeGroup", label, node_tree=hidden_group(name, formulas))
     for socket, source in sources.items():
         feed(group, node.inputs[socket], source)
     return node

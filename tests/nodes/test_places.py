@@ -11,7 +11,7 @@ from demo_scenes import maps
 from demo_scenes.truth import truth_material
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.errors import SceneError
-from glint_addon.nodes import glint_bsdf, places
+from glint_addon.nodes import glint_bsdf, places, resampled
 from glint_addon.nodes.builder import add_node
 from glint_addon.nodes.map_choices import FACETS_NODE, IMAGE_NODE, NORMAL_NODE
 from tests.helpers import cycles
@@ -98,6 +98,52 @@ CASES = [(light, distribution, interpolation) for light in LIGHTS for distributi
          for interpolation in ("CLOSEST", "LINEAR")]
 
 
+SURFACES = {
+    "METAL": {"color": (0.9, 0.4, 0.1), "edge_tint": (0.2, 0.9, 0.6)},
+    "CONDUCTOR": {"ior": (0.18, 0.42, 1.37), "extinction": (3.4, 2.3, 1.8)},
+    "DIELECTRIC": {"ior": 1.31, "color": (0.9, 0.4, 0.1)},
+}
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+def test_the_mean_of_each_kind_of_surface_is_that_of_its_node_in_each_channel(surface):
+    settings = {"surface": surface, "distribution": "GGX", "light": None, **SURFACES[surface]}
+    for width, tolerance in ((0.2, 0.01), (0.35, 0.03)):  # wider lobes: the angle is that of the normal
+        found = picture(by_nodes(spp=512, roughness=width, **settings)).mean(axis=(0, 1))
+        expected = picture(plain(spp=4096, roughness=width, **settings)).mean(axis=(0, 1))
+        assert found == pytest.approx(expected, rel=tolerance) and np.ptp(expected) > 0.05 * expected.max()
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+def test_each_kind_of_surface_has_less_noise_than_its_node(surface):
+    settings = {"surface": surface, "distribution": "GGX", **SHARP, **SURFACES[surface]}
+    assert variance(by_nodes(spp=16, **settings)) < 0.25 * variance(plain(spp=16, **settings))
+
+
+def flaky(image, **surface):
+    """A material of flakes of several colours over a dark base, and its images."""
+    rng = np.random.default_rng(5)
+    size = image.size[0]
+    presence = maps.blender_image("Presence", np.repeat(rng.random((size, size, 1)) < 0.4, 3, axis=2).astype(float))
+    color = maps.blender_image("Colors", 0.2 + 0.8 * rng.random((size, size, 3)))
+    return create_glint_material("Flakes", image, presence=presence, flake_color=color, base_color=(0.1, 0.05, 0.2),
+                                 **surface)
+
+
+def test_flakes_and_their_base_have_the_mean_of_plain_nodes_with_less_noise():
+    def scene_of(places_are_on, spp):
+        scene = stage(flaky, spp=spp, **SHARP)
+        prepare_scene(scene)
+        scene.cycles.shading_system = False
+        if not places_are_on:
+            group_of(scene).nodes[resampled.WIDE_NODE].outputs[0].default_value = 0.0
+        return scene
+
+    found, expected = (picture(scene_of(*way)).mean(axis=(0, 1)) for way in ((True, 2048), (False, 16384)))
+    assert found == pytest.approx(expected, rel=0.015)
+    assert variance(scene_of(True, 16)) < 0.5 * variance(scene_of(False, 16))
+
+
 @pytest.mark.parametrize(("light", "distribution", "interpolation"), thinned(
     CASES, kept=[("sun", "BECKMANN", "LINEAR"), ("area", "GGX", "CLOSEST"), ("five", "BECKMANN", "CLOSEST")],
     reason="statistical"))
@@ -151,7 +197,7 @@ def test_where_places_are_of_no_use_the_picture_is_that_of_plain_nodes_to_the_bi
 
 def test_places_are_not_even_compiled_where_no_camera_sees_a_footprint_wider_than_a_texel():
     def wide(scene):
-        return group_of(scene).nodes[glint_bsdf.WIDE_NODE].outputs[0].default_value
+        return group_of(scene).nodes[resampled.WIDE_NODE].outputs[0].default_value
 
     scene = by_nodes()
     assert wide(scene) == 1.0
@@ -160,8 +206,8 @@ def test_places_are_not_even_compiled_where_no_camera_sees_a_footprint_wider_tha
     prepare_scene(scene)
     assert wide(scene) == 0.0
     # The number is a factor of the places' weight, which Cycles drops where it is 0.
-    factor = group.nodes[glint_bsdf.PLACES_MIX].inputs[0].links[0].from_node.inputs[0].links[0].from_node
-    assert factor.operation == "MULTIPLY" and factor.inputs[0].links[0].from_node.name == glint_bsdf.WIDE_NODE
+    factor = group.nodes[resampled.PLACES_MIX].inputs[0].links[0].from_node.inputs[0].links[0].from_node
+    assert factor.operation == "MULTIPLY" and factor.inputs[0].links[0].from_node.name == resampled.WIDE_NODE
     bpy.data.scenes.new("Another, which may see more")
     prepare_scene(scene)
     assert wide(scene) == 1.0
@@ -201,7 +247,7 @@ def test_one_way_is_chosen_before_the_render(device, osl, way):
     value = group.evaluated_get(bpy.context.evaluated_depsgraph_get()).nodes[glint_bsdf.WAY_NODE].outputs[0]
     assert value.default_value == way
     # Each way hangs on a product with that number, which Cycles drops where it is 0.
-    for mix in (glint_bsdf.MIX_NODE, glint_bsdf.PLACES_MIX):
+    for mix in (glint_bsdf.MIX_NODE, resampled.PLACES_MIX):
         factor = group.nodes[mix].inputs[0].links[0].from_node
         assert (factor.bl_idname, factor.operation) == ("ShaderNodeMath", "MULTIPLY")
 
@@ -226,7 +272,7 @@ def test_a_group_made_without_osl_has_less_noise_too(monkeypatch):
     assert variance(scene) < 0.1 * variance(plain(**SHARP, spp=16))
 
 
-@pytest.mark.parametrize("lost", [glint_bsdf.KEPT_FACETS, places.FOOTPRINT_NODE, "old"])
+@pytest.mark.parametrize("lost", [resampled.KEPT_FACETS, places.FOOTPRINT_NODE, "old"])
 def test_preparing_without_osl_makes_a_group_whole_and_brings_it_up_to_date(lost, monkeypatch):
     scene = by_nodes(**SHARP, spp=16)
     group = group_of(scene)
@@ -256,9 +302,9 @@ def test_places_read_the_map_as_the_nodes_that_were_changed_by_hand():
     nodes[NORMAL_NODE].convention = "DIRECTX"
     nodes[NORMAL_NODE].uv_map = "UVMap"
     prepare_scene(scene)
-    assert nodes[glint_bsdf.PLACES_IMAGE].interpolation == "Linear"
-    assert {nodes[name].distribution for name in (glint_bsdf.KEPT_FACETS, glint_bsdf.OWN_FACETS)} == {"GGX"}
-    for name in (glint_bsdf.KEPT_NORMAL, glint_bsdf.TANGENT_NODE, glint_bsdf.BITANGENT_NODE):
+    assert nodes[resampled.PLACES_IMAGE].interpolation == "Linear"
+    assert {nodes[name].distribution for name in (resampled.KEPT_FACETS, resampled.OWN_FACETS)} == {"GGX"}
+    for name in (resampled.KEPT_NORMAL, resampled.TANGENT_NODE, resampled.BITANGENT_NODE):
         assert (nodes[name].convention, nodes[name].uv_map) == ("DIRECTX", "UVMap")
     assert {nodes[name].inputs["GGX"].default_value for name in places.IMPORTANCE_NODES} == {1.0}
 

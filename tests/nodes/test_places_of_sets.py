@@ -9,7 +9,7 @@ import pytest
 from demo_scenes.truth import truth_material
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.images import Frames
-from glint_addon.nodes import glint_bsdf, places
+from glint_addon.nodes import glint_bsdf, places, resampled
 from glint_addon.nodes.map_binding import MapBinding
 from glint_addon.nodes.map_choices import IMAGE_NODE
 from glint_addon.nodes.map_tables import SCRIPT_NODE, MapTables
@@ -104,10 +104,10 @@ def test_frames_set_by_hand_are_asked_for_and_then_followed_and_stay(tmp_path):
     prepare_scene(scene)
     assert changes_since_prepared(scene) == []
     expected = Frames(5, frame_start=3, frame_offset=2, use_cyclic=True)
-    assert Frames.of(group.nodes[glint_bsdf.PLACES_IMAGE].image_user) == expected
+    assert Frames.of(group.nodes[resampled.PLACES_IMAGE].image_user) == expected
     group[glint_bsdf.STAMP] = glint_bsdf.VERSION - 1
     glint_bsdf.refresh(group)
-    assert {Frames.of(group.nodes[name].image_user) for name in (IMAGE_NODE, glint_bsdf.PLACES_IMAGE)} == {expected}
+    assert {Frames.of(group.nodes[name].image_user) for name in (IMAGE_NODE, resampled.PLACES_IMAGE)} == {expected}
 
 
 @pytest.mark.parametrize("kind", KINDS)

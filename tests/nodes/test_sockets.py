@@ -21,10 +21,11 @@ NUMBERS = tuple(socket for socket in COMMON if socket.kind == "NodeSocketFloat")
 # The setting of the operator that each socket becomes, where it has one.
 SETTINGS = {socket: socket.name.lower() for socket in (*NUMBERS, COLOR, EXTINCTION, IOR)} | {
     EDGE_TINT: "edge_tint", IORS: "ior_rgb"}
-# The group without a map, and with one for each kind of surface, as its version made it. Where it changes, raise
+# The group without a map, with one for each kind of surface, and with flakes, as its version made it. Where it changes, raise
 # VERSION in glint_addon/nodes/glint_bsdf.py and put the new digests here: groups of saved files are brought up to date
 # only if their version is another.
-BUILT = (14, "363cb87e8e743764", "d772136e207418be", "43a9f829ddb64bfc", "09c03cbf4a28465b", "5eb2e15cb0ddd31c")
+BUILT = (14, "0ba3682916a440c6", "32cf7f81f18852c3", "7282e1fa8c9f120e", "446a32c7f9518f96",
+         "7432f09702fe3005", "cce1e60b9e6fd917")
 # Of 32-bit floats that Blender stores.
 STEP = 1e-6
 
@@ -108,7 +109,8 @@ def digest_of(group) -> str:
 def test_another_group_is_another_version(scene):
     image = bpy.data.images.new("Map", 4, 4, is_data=True)
     kinds = [digest_of(group_for(MapBinding(image, surface=surface))) for surface in KINDS]
-    assert (VERSION, digest_of(build()), *kinds) == BUILT
+    flakes = MapBinding(image, interpolation="CLOSEST", presence=image, flake_color=image)
+    assert (VERSION, digest_of(build()), *kinds, digest_of(group_for(flakes))) == BUILT
 
 
 def test_the_shader_has_an_input_for_each_output_of_the_lights(scene):

@@ -1,0 +1,127 @@
+"""The surface of a Glint BSDF by nodes alone, with less noise than plain nodes: one of several places is kept.
+
+A sample keeps one normal of its footprint, see `places`, with the colour of the flake there, and adds the hit point's
+own. Where that is of no use Blender's plain nodes remain.
+"""
+
+from __future__ import annotations
+
+from . import places
+from .builder import add_math, add_mix, add_node, feed
+from .flake_nodes import BASE, FLAKE_COLOR_NODE, PRESENCE_NODE, THRESHOLD
+from .map_choices import FACETS_NODE, IMAGE_NODE, NORMAL_NODE
+from .reflectance import add_reflectance
+from .surface_kinds import KINDS, surface_of
+
+WIDE_NODE = "Wider than a texel"
+# The places' own copies of the nodes that read the map, and what chooses between them and plain nodes.
+PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE = "Places Image", "Tangent", "Bitangent"
+KEPT_NORMAL, KEPT_FACETS, OWN_FACETS, PLACES_MIX = "Kept Normal", "Kept Facets", "Own Facets", "Places or plain"
+KEPT_PRESENCE, KEPT_COLOR = "Kept Presence", "Kept Color"
+NODES = (*places.NODES, PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL, KEPT_FACETS, OWN_FACETS, WIDE_NODE,
+         PLACES_MIX)
+# Of Blender's own nodes of a group their copies, which read the map in the same way.
+COPIES = {IMAGE_NODE: (PLACES_IMAGE,), FACETS_NODE: (KEPT_FACETS, OWN_FACETS),
+          NORMAL_NODE: (TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL), PRESENCE_NODE: (KEPT_PRESENCE,),
+          FLAKE_COLOR_NODE: (KEPT_COLOR,)}
+# Colours that a normal map has for its two axes.
+AXES = {TANGENT_NODE: (1.0, 0.5, 0.5, 1.0), BITANGENT_NODE: (0.5, 1.0, 0.5, 1.0)}
+
+
+def add_surface(group, source, lights, coordinates, way, plain):
+    """Add the surface and the choice between it and `plain`, Blender's own nodes; returns the shader.
+
+    source: the group's inputs; lights: the node "Glint Lights"; coordinates: of the active UV map; way: whether the OSL
+    lobe renders.
+    """
+    roughness, strength, vector = (source.outputs[name] for name in ("Roughness", "Strength", "Vector"))
+    is_connected = add_math(group, "GREATER_THAN", add_math(group, "LENGTH", vector, vector=True), 0.0)
+    coordinates = add_mix(group, "VECTOR", is_connected, coordinates, vector, "Coordinates")
+    texture = add_node(group, "ShaderNodeTexImage", PLACES_IMAGE, image=group.nodes[IMAGE_NODE].image)
+    frame = [add_node(group, "ShaderNodeNormalMap", name, inputs={"Color": colour}).outputs["Normal"]
+             for name, colour in AXES.items()]
+    found = places.add_places(group, texture, group.nodes[IMAGE_NODE].outputs["Color"], frame, lights, {
+        "Coordinates": coordinates, "Roughness": roughness, "Strength": strength})
+    kept_normal = add_node(group, "ShaderNodeNormalMap", KEPT_NORMAL)
+    group.links.new(found.kept, kept_normal.inputs["Color"])
+    group.links.new(strength, kept_normal.inputs["Strength"])
+    lobes = add_node(group, "ShaderNodeAddShader")
+    parts = (
+        (KEPT_FACETS, kept_normal, found.kept_weight, *_kept_flake(group, found.kept_place)),
+        (OWN_FACETS, group.nodes[NORMAL_NODE], found.own_weight, group.nodes.get(PRESENCE_NODE),
+         group.nodes.get(FLAKE_COLOR_NODE)),
+    )
+    for (name, normal, weight, presence, color), into in zip(parts, lobes.inputs, strict=True):
+        lobe = add_node(group, "ShaderNodeBsdfAnisotropic", name)
+        reflected = add_reflectance(group, surface_of(group), normal.outputs["Normal"], _inputs(group, source, color))
+        if presence is not None:
+            weight = add_math(group, "MULTIPLY", weight, _is_flake(group, presence))
+        feed(group, lobe.inputs["Color"], add_math(group, "SCALE", reflected, weight, vector=True))
+        feed(group, lobe.inputs["Roughness"], roughness)
+        feed(group, lobe.inputs["Normal"], normal.outputs["Normal"])
+        group.links.new(lobe.outputs["BSDF"], into)
+    return _add_choice(group, found, way, plain, _with_base(group, source, lobes.outputs[0]))
+
+
+def _kept_flake(group, place):
+    """Nodes that read presence and colour at the place that was kept, or None for each that the group has not."""
+    return tuple(
+        _copy(group, name, copy, place) if name in group.nodes else None
+        for name, copy in ((PRESENCE_NODE, KEPT_PRESENCE), (FLAKE_COLOR_NODE, KEPT_COLOR)))
+
+
+def _copy(group, name, copy, place):
+    node = add_node(group, "ShaderNodeTexImage", copy, image=group.nodes[name].image, interpolation="Closest")
+    group.links.new(place, node.inputs["Vector"])
+    return node
+
+
+def _is_flake(group, presence):
+    return add_math(group, "GREATER_THAN", presence.outputs["Color"], THRESHOLD)
+
+
+def _inputs(group, source, color):
+    """What the inputs of Blender's node for the surface have; color: Image Texture with the flake's colour, or None."""
+    kind = KINDS[surface_of(group)]
+    inputs = {socket.name: source.outputs[socket.name] for socket in kind.sockets}
+    if color is not None:
+        inputs[kind.color.name] = add_math(
+            group, "MULTIPLY", inputs[kind.color.name], color.outputs["Color"], vector=True)
+    return inputs
+
+
+def _with_base(group, source, flakes):
+    """The shader `flakes`, and what lies between flakes where the hit point is none."""
+    if PRESENCE_NODE not in group.nodes:
+        return flakes
+    base = add_node(group, "ShaderNodeMixShader", "Base between flakes")
+    group.links.new(_is_flake(group, group.nodes[PRESENCE_NODE]), base.inputs["Factor"])
+    group.links.new(source.outputs[BASE.name], base.inputs[1])
+    both = add_node(group, "ShaderNodeAddShader")
+    group.links.new(flakes, both.inputs[0])
+    group.links.new(base.outputs[0], both.inputs[1])
+    return both.outputs[0]
+
+
+def _add_choice(group, found, way, plain, chosen):
+    """The shader `chosen` where places are of use, else `plain`."""
+    # After a diffuse bounce the view comes from so near and wide that a footprint would blur; Cycles skips what is
+    # behind a factor of 0, and compiles none of it where the factor is 0 before the render.
+    bounced = add_node(group, "ShaderNodeLightPath").outputs["Is Diffuse Ray"]
+    is_useful = add_math(group, "MULTIPLY", found.is_useful, add_math(group, "SUBTRACT", 1.0, bounced))
+    is_wide = add_node(group, "ShaderNodeValue", WIDE_NODE).outputs["Value"]
+    by_nodes = add_math(group, "MULTIPLY", is_wide, add_math(group, "SUBTRACT", 1.0, way))
+    mix = add_node(group, "ShaderNodeMixShader", PLACES_MIX)
+    for socket, shader in zip(mix.inputs, (add_math(group, "MULTIPLY", by_nodes, is_useful), plain, chosen),
+                              strict=True):
+        group.links.new(shader, socket)
+    return mix.outputs[0]
+
+
+def follow_images(group):
+    """Let the copies read the same images as Blender's own nodes in the group."""
+    for name in (IMAGE_NODE, PRESENCE_NODE, FLAKE_COLOR_NODE):
+        for copy in COPIES[name]:
+            node = group.nodes.get(copy)
+            if node is not None and node.image != group.nodes[name].image:
+                node.image = group.nodes[name].image
