@@ -25,6 +25,7 @@ OTHERS = {
     "no_hints": "A scene without small lights",
     "lights": "Kinds of light",
     "light_size": "A sun of any size",
+    "surfaces": "Kinds of surface, and flakes",
     "by_nodes": "By nodes alone, without Open Shading Language",
     "gpu": "By nodes alone, on a GPU",
     "denoise": "Denoising",

@@ -27,13 +27,17 @@ def truth_material(
     edge_tint=None,
     ior=None,
     extinction=None,
+    presence=None,
+    flake_color=None,
+    base_color=(0.8, 0.8, 0.8),
 ) -> bpy.types.Material:
     """Image Texture (Non-Color) -> Normal Map (tangent space) -> BSDF, as Blender's manual tells to do.
 
     The BSDF is Glossy, Metallic, or Principled without any other lobe than the specular one. The arguments are those of
     `glint_addon.create_glint_material`: roughness 0..1 of a facet (alpha is its square), and values of the choices of
-    the same names. `image` must be Non-Color data. Raises ValueError for an image shown as colour, KeyError or
-    TypeError for an unknown choice or a value that the BSDF has not.
+    the same names (a dielectric is always GGX); presence and flake_color are images. `image` must be Non-Color data.
+    Raises ValueError for an image shown as colour, KeyError or TypeError for an unknown choice or a value that the BSDF
+    has not.
     """
     if not image.colorspace_settings.is_data:
         raise ValueError(f'Image "{image.name}" is shown as colour: set its colour space to Non-Color.')
@@ -49,7 +53,7 @@ def truth_material(
     normal_map.uv_map = uv_map
     normal_map.inputs["Strength"].default_value = strength
     facets = _facets(tree, surface, color=color, edge_tint=edge_tint, ior=ior, extinction=extinction)
-    facets.distribution = distribution
+    facets.distribution = "GGX" if surface == "DIELECTRIC" else distribution
     facets.inputs["Roughness"].default_value = roughness
     output = tree.nodes.new("ShaderNodeOutputMaterial")
 
@@ -58,8 +62,44 @@ def truth_material(
     tree.links.new(coordinates.outputs["UV"], texture.inputs["Vector"])
     tree.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
     tree.links.new(normal_map.outputs["Normal"], facets.inputs["Normal"])
-    tree.links.new(facets.outputs["BSDF"], output.inputs["Surface"])
+    shader = facets.outputs["BSDF"]
+    if flake_color is not None:
+        _multiply(tree, facets.inputs[COLORS[surface]], _closest(tree, flake_color, coordinates).outputs["Color"])
+    if presence is not None:
+        shader = _over_base(tree, shader, _closest(tree, presence, coordinates).outputs["Color"], base_color)
+    tree.links.new(shader, output.inputs["Surface"])
     return material
+
+
+def _closest(tree, image, coordinates):
+    """An Image Texture node that reads single texels."""
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image, node.interpolation = image, "Closest"
+    tree.links.new(coordinates.outputs["UV"], node.inputs["Vector"])
+    return node
+
+
+def _multiply(tree, socket, color):
+    """Multiply the value of an input by `color`."""
+    product = tree.nodes.new("ShaderNodeVectorMath")
+    product.operation = "MULTIPLY"
+    product.inputs[0].default_value = socket.default_value[:3]
+    tree.links.new(color, product.inputs[1])
+    tree.links.new(product.outputs["Vector"], socket)
+
+
+def _over_base(tree, shader, presence, base_color):
+    """`shader` where presence is above 0.5, else a Principled BSDF."""
+    base = tree.nodes.new("ShaderNodeBsdfPrincipled")
+    base.inputs["Base Color"].default_value = (*base_color, 1.0)
+    is_flake = tree.nodes.new("ShaderNodeMath")
+    is_flake.operation = "GREATER_THAN"
+    is_flake.inputs[1].default_value = 0.5
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    for one, other in ((presence, is_flake.inputs[0]), (is_flake.outputs[0], mix.inputs["Factor"]),
+                       (base.outputs["BSDF"], mix.inputs[1]), (shader, mix.inputs[2])):
+        tree.links.new(one, other)
+    return mix.outputs[0]
 
 
 def _facets(tree, surface, *, color, edge_tint, ior, extinction):

@@ -4,11 +4,12 @@ from .coloring import Coloring, Stop, srgb
 from .colors import ramp_colors, spread_colors
 from .flakes import Population
 from .kinds import GENERATORS, PRESETS, as_data, of_data
-from .microstructure import Generator, Microstructure, encoded, normals_of, slopes_of
+from .microstructure import CLOSEST, Generator, Microstructure, encoded, normals_of, slopes_of
 from .recipe import Recipe, recipe_of_text
 from .settings import Setting, check_settings, settings_of
 
 __all__ = (
+    "CLOSEST",
     "GENERATORS",
     "PRESETS",
     "Coloring",

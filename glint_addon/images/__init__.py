@@ -5,6 +5,7 @@ from .files import Frames, image_files, image_path, is_several, is_still, sequen
 from .generated import (
     Pictures,
     check_unchanged,
+    flake_images,
     is_edited,
     is_generated_map,
     is_preview,
@@ -26,6 +27,7 @@ __all__ = (
     "data_image",
     "file_digest",
     "flake_color_image",
+    "flake_images",
     "image_files",
     "image_path",
     "image_pixels",

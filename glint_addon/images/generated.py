@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ..errors import GlintError, MapError
-from ..generate import Recipe, encoded, recipe_of_text, srgb
+from ..generate import CLOSEST, Recipe, encoded, recipe_of_text, srgb
 from ..properties import GENERATED, GENERATED_COLOR, GENERATED_CONTENT, GENERATED_PART, GENERATED_PRESENCE
 
 NORMAL = "Normal"
@@ -98,6 +98,16 @@ def parts(image: bpy.types.Image) -> dict[str, bpy.types.Image]:
     """The images that belong to a generated normal map, by the property that points to each."""
     found = {key: image.get(key) for key in PARTS}
     return {key: other for key, other in found.items() if isinstance(other, bpy.types.Image)}
+
+
+def flake_images(image: bpy.types.Image) -> dict[str, bpy.types.Image | None]:
+    """What a Glint BSDF reads of the flakes of a generated map, by the name of its setting; None of any other image,
+    and of a map that is read between its texels, where no single flakes are."""
+    recipe = recipe_of(image)
+    found = {} if recipe is None or recipe.generator.interpolation != CLOSEST else parts(image)
+    # A part that the microstructure no longer has is a small white image.
+    now = {key: part for key, part in found.items() if part.size[:] == image.size[:]}
+    return {"presence": now.get(GENERATED_PRESENCE), "flake_color": now.get(GENERATED_COLOR)}
 
 
 def check_unchanged(image: bpy.types.Image, *, overwrite: bool = False) -> None:

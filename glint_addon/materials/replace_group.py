@@ -1,8 +1,47 @@
-"""Give a Glint BSDF node another group, which may have other sockets."""
+"""Give Glint BSDF nodes another group, which may have other sockets."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import bpy
+
+from ..images import flake_images, parts, recipe_of
+from ..nodes.glint_bsdf import group_binding, group_for, is_glint_group
+from ..nodes.map_binding import map_of
 from ..nodes.surface_kinds import KINDS, surface_of
+
+
+def follow_generated(image: bpy.types.Image) -> None:
+    """Let all Glint BSDF nodes whose map is the generated `image` read it as its recipe says now: between its texels or
+    not, and with the images of its flakes where the user chose no others."""
+    recipe = recipe_of(image)
+    if recipe is None:
+        return
+    for group in [each for each in bpy.data.node_groups if is_glint_group(each) and map_of(each) == image]:
+        before = group_binding(group) if group.library is None else None
+        if before is None:
+            continue
+        flakes = flake_images(image)
+        for name in flakes:
+            own = getattr(before, name)
+            if own is not None and own not in parts(image).values():
+                flakes[name] = own  # the user's choice
+        if KINDS[before.surface].color is None:
+            flakes["flake_color"] = None
+        binding = replace(before, interpolation=recipe.generator.interpolation, **flakes)
+        if binding != before:
+            _replace_everywhere(group, binding)
+
+
+def _replace_everywhere(group, binding):
+    new = group_for(binding)
+    trees = [material.node_tree for material in bpy.data.materials] + list(bpy.data.node_groups)
+    for node in (node for tree in trees if tree is not None and tree.library is None for node in tree.nodes):
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree == group:
+            replace_group(node, new)
+    if group.users == 0:
+        bpy.data.node_groups.remove(group)
 
 
 def replace_group(node, group) -> None:

@@ -5,6 +5,7 @@ import bpy
 from . import generated_settings, live_map
 from .add_material import GLINT_FH_normal_map, GLINT_OT_add_material
 from .add_node_group import GLINT_OT_add_node_group
+from .add_preset import GLINT_OT_add_preset
 from .change_map import GLINT_OT_change_map
 from .generate_map import GLINT_OT_change_parts, GLINT_OT_generate_map, GLINT_OT_regenerate_map
 from .keep_glints import GLINT_OT_keep_glints
@@ -17,6 +18,7 @@ classes = (
     GLINT_PG_material_light,
     GLINT_PG_scene,
     GLINT_OT_add_material,
+    GLINT_OT_add_preset,
     GLINT_OT_change_map,
     GLINT_OT_generate_map,
     GLINT_OT_regenerate_map,

@@ -6,6 +6,7 @@ from pathlib import Path
 import bpy
 from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, StringProperty
 
+from ..images import recipe_of
 from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH
 from ..nodes.scale import SCALE
 from ..nodes.surface_kinds import COLOR, EDGE_TINT, EXTINCTION, IOR, IORS, METALS
@@ -55,16 +56,7 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        target = context.object
-        if target is None:
-            cls.poll_message_set("Select an object to give the material to")
-        elif not hasattr(target.data, "materials"):
-            cls.poll_message_set(f"{target.name} is not an object that takes materials: select a mesh")
-        elif not (target.is_editable and target.data.is_editable):
-            cls.poll_message_set(f"{target.name} is linked from another file: make it local first")
-        else:
-            return True
-        return False
+        return is_target(cls, context)
 
     def invoke(self, context, event):
         """Run if a normal map is picked or dropped, else ask for a file."""
@@ -87,7 +79,7 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
             normal_map,
             roughness=self.roughness,
             strength=self.strength,
-            scale=self.scale or None,
+            scale=self.scale or self._generated_extent(normal_map),
             **self.reading(),
             **self._of_surface(),
         )
@@ -97,6 +89,11 @@ class GLINT_OT_add_material(FailsSoftly, MapSettings, bpy.types.Operator):
         context.scene.glint.normal_map = None
         self.report({"INFO"}, f'Gave "{material.name}" to {target.name}: press Prepare Glints before rendering')
         return {"FINISHED"}
+
+    def _generated_extent(self, normal_map):
+        """Metres that one repeat of a generated map measures, unless the user chose a scale; None of other maps."""
+        recipe = recipe_of(normal_map) if isinstance(normal_map, bpy.types.Image) else None
+        return recipe.generator.extent if recipe and not self.properties.is_property_set("scale") else None
 
     def _of_surface(self) -> dict:
         """The arguments of `create_glint_material` that describe the surface."""
@@ -131,6 +128,20 @@ class GLINT_FH_normal_map(bpy.types.FileHandler):
     def poll_drop(cls, context):
         space = context.space_data
         return space is not None and space.type == "PROPERTIES" and space.context == "MATERIAL"
+
+
+def is_target(operator, context) -> bool:
+    """Whether the active object can be given a material; the operator's poll message says why not."""
+    target = context.object
+    if target is None:
+        operator.poll_message_set("Select an object to give the material to")
+    elif not hasattr(target.data, "materials"):
+        operator.poll_message_set(f"{target.name} is not an object that takes materials: select a mesh")
+    elif not (target.is_editable and target.data.is_editable):
+        operator.poll_message_set(f"{target.name} is linked from another file: make it local first")
+    else:
+        return True
+    return False
 
 
 def map_title(normal_map) -> str:

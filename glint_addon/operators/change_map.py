@@ -9,7 +9,7 @@ from ..nodes.places import count_of, keep_count
 from ..nodes.scale import group_for as scale_group_for
 from ..nodes.scale import is_scale_group
 from .failing_softly import FailsSoftly
-from .map_settings import MapSettings, check_uv_map
+from .map_settings import FLAKES, MapSettings, check_uv_map
 
 
 class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
@@ -38,6 +38,9 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
         self.start_from(binding)
         image = context.scene.glint.normal_map or binding.image
         self.image = image.name if image is not None else ""
+        if image != binding.image:
+            for name in FLAKES:
+                self.properties.property_unset(name)
         return context.window_manager.invoke_props_dialog(self, width=350)
 
     def run(self, context):
@@ -50,6 +53,7 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
         if context.object is not None:
             check_uv_map(context.object, self.uv_map, context)
         normal_map = self.chosen_map(context)
+        self.follow_generated(normal_map)
         # The frames of an image sequence stay as they were set.
         group = bound_group(normal_map, MapBinding(**self.reading(), frames=_frames(material, normal_map)))
         for node in glint_nodes(material):

@@ -10,6 +10,7 @@ from ..errors import GenerateError, SceneError
 from ..generate import GENERATORS, PRESETS, Generator, Recipe, as_data, of_data
 from ..images import check_unchanged, is_generated_map, new_generated_map, pictures, show
 from ..materials.find import glint_groups
+from ..materials.replace_group import follow_generated
 from ..nodes.map_binding import map_of
 from .failing_softly import FailsSoftly
 from .generated_settings import RESOLUTIONS, changed, fill, kind_settings, recipe_from, unheard
@@ -88,6 +89,7 @@ class GLINT_OT_regenerate_map(FailsSoftly, bpy.types.Operator):
         check_unchanged(image, overwrite=self.overwrite)
         recipe = recipe_from(image.glint)
         show(image, recipe, pictures(recipe, name=image.name), overwrite=self.overwrite)
+        follow_generated(image)
         image.glint.problem = ""
         return {"FINISHED"}
 

@@ -14,6 +14,7 @@ from bpy.app.handlers import persistent
 from ..errors import GlintError
 from ..generate import Recipe
 from ..images import Pictures, check_unchanged, is_generated_map, is_preview, pictures, show
+from ..materials.replace_group import follow_generated
 from .generated_settings import complete, listen, listen_no_more, recipe_from
 
 PREVIEW = 256  # texels a side of the small map: most kinds take less than a tenth of a second
@@ -64,6 +65,7 @@ def make(image: bpy.types.Image, recipe: Recipe, resolution: int | None = None) 
     try:
         check_unchanged(image)
         show(image, recipe, pictures(recipe, resolution, image.name))
+        follow_generated(image)
     except GlintError as error:
         image.glint.problem = str(error)
         return False

@@ -4,11 +4,12 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..errors import SceneError
-from ..images import recipe_of
+from ..images import flake_images, recipe_of
 from ..nodes.map_binding import READING, MapBinding
 from ..nodes.map_choices import CHOICES, CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION, SURFACE, Choice
 from ..nodes.surface_kinds import KINDS
 
+FLAKES = ("presence", "flake_color")  # images of single flakes
 HIDDEN = {"HIDDEN", "SKIP_SAVE"}
 
 
@@ -38,20 +39,40 @@ class MapSettings:
         name="UV Map", description="UV map that places the normal map; empty takes the one active for rendering"
     )
 
+    presence: StringProperty(
+        name="Presence", description="Image that says which texels are flakes, for Closest; empty: all are"
+    )
+    flake_color: StringProperty(
+        name="Flake Color", description="Image with a color for each flake, for Closest; empty: that of the surface"
+    )
+
     def reading(self) -> dict:
-        """How the map is read: arguments of `create_glint_material` and of `MapBinding`."""
-        return {name: getattr(self, name) for name in READING}
+        """How the map is read: arguments of `create_glint_material` and of `MapBinding`.
+
+        Raises SceneError for an image that is not there.
+        """
+        flakes = {name: image_named(getattr(self, name)) for name in FLAKES}
+        return {name: getattr(self, name) for name in READING} | flakes
 
     def follow_generated(self, normal_map):
-        """Read a generated map as its kind wants it, unless the user chose; `normal_map` is a path or an image."""
+        """Read a generated map as its kind wants it, with its flakes, unless the user chose; `normal_map` is a path or
+        an image."""
         recipe = recipe_of(normal_map) if isinstance(normal_map, bpy.types.Image) else None
-        if recipe is not None and not self.properties.is_property_set("interpolation"):
+        if recipe is None:
+            return
+        if not self.properties.is_property_set("interpolation"):
             self.interpolation = recipe.generator.interpolation
+        for name, image in flake_images(normal_map).items():
+            if image is not None and self.interpolation == "CLOSEST" and not self.properties.is_property_set(name):
+                setattr(self, name, image.name)
 
     def start_from(self, binding: MapBinding):
         """Let the settings be those of `binding`; its image is left to the caller."""
         for name in READING:
             setattr(self, name, getattr(binding, name))
+        for name in FLAKES:
+            image = getattr(binding, name)
+            setattr(self, name, image.name if image is not None else "")
 
     def chosen_map(self, context):
         """The dropped file's path, the named image, or the image picked in the panel.
@@ -61,10 +82,7 @@ class MapSettings:
         if self.filepath:
             return bpy.path.abspath(self.filepath)
         if self.image:
-            image = bpy.data.images.get(self.image)
-            if image is None:
-                raise SceneError(f'There is no image named "{self.image}" in this file: open it first.')
-            return image
+            return image_named(self.image)
         image = context.scene.glint.normal_map
         if image is None:
             raise SceneError(
@@ -77,8 +95,18 @@ class MapSettings:
         for name in CHOICES:
             if name != DISTRIBUTION.name or not KINDS[self.surface].distribution:
                 self.layout.prop(self, name)
+        if self.interpolation == "CLOSEST":
+            for name in FLAKES:
+                self.layout.prop_search(self, name, bpy.data, "images")
         if context.object and context.object.type == "MESH":
             self.layout.prop_search(self, "uv_map", context.object.data, "uv_layers")
+
+
+def image_named(name: str) -> bpy.types.Image | None:
+    """The image of that name, None for no name. Raises SceneError if there is none."""
+    if name and name not in bpy.data.images:
+        raise SceneError(f'There is no image named "{name}" in this file: open it first.')
+    return bpy.data.images[name] if name else None
 
 
 def check_uv_map(target, uv_map: str, context):

@@ -58,6 +58,7 @@ def compare(
     *,
     surface=None,
     normal_map=None,
+    flakes=None,
     nodes=NODES,
     lobe=LOBE,
     size=SIZE,
@@ -73,7 +74,8 @@ def compare(
 
     build(scene, material) adds objects, camera, lights and settings to an empty Cycles scene. `surface`: arguments of
     `create_glint_material` (default `SURFACE`). `normal_map`: encoded pixels (height, width, 3), or a function without
-    arguments that returns a bpy image (default `gentle_bumps`). `nodes`, `lobe`: (spp, seeds), at least two seeds.
+    arguments that returns a bpy image (default `gentle_bumps`). `flakes`: a function without arguments that returns the
+    images of flakes as arguments of `create_glint_material`. `nodes`, `lobe`: (spp, seeds), at least two seeds.
     `lit`: whether light must come out at all. `osl_nodes`: run the nodes through OSL too, slower and, rarely, another
     answer. `by_nodes`: render the glint material without OSL. `finite_only` says why the nodes are no truth here: then
     the lobe's pixels are only checked to be finite and not negative. `case` tells comparisons of one test apart.
@@ -81,12 +83,13 @@ def compare(
     """
     surface = SURFACE if surface is None else surface
     scene, image = _scene(normal_map, size)
-    build(scene, truth_material("Truth", image, **surface))
+    images = flakes or dict
+    build(scene, truth_material("Truth", image, **surface, **images()))
     scene.cycles.shading_system = osl_nodes
     first = pictures(scene, *nodes)
 
     scene, image = _scene(normal_map, size)
-    build(scene, glint_addon.create_glint_material("Glint", image, **surface))
+    build(scene, glint_addon.create_glint_material("Glint", image, **surface, **images()))
     report = glint_addon.prepare_scene(scene) if prepare else {}
     if by_nodes:
         scene.cycles.shading_system = False

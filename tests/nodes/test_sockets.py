@@ -21,9 +21,9 @@ NUMBERS = tuple(socket for socket in COMMON if socket.kind == "NodeSocketFloat")
 # The setting of the operator that each socket becomes, where it has one.
 SETTINGS = {socket: socket.name.lower() for socket in (*NUMBERS, COLOR, EXTINCTION, IOR)} | {
     EDGE_TINT: "edge_tint", IORS: "ior_rgb"}
-# The group without a map, with one for each kind of surface, and with flakes, as its version made it. Where it changes, raise
-# VERSION in glint_addon/nodes/glint_bsdf.py and put the new digests here: groups of saved files are brought up to date
-# only if their version is another.
+# The group without a map, with one for each kind of surface, and with flakes, as its version made it. Where it changes,
+# raise VERSION in glint_addon/nodes/glint_bsdf.py and put the new digests here: groups of saved files are brought up to
+# date only if their version is another.
 BUILT = (14, "0ba3682916a440c6", "32cf7f81f18852c3", "7282e1fa8c9f120e", "446a32c7f9518f96",
          "7432f09702fe3005", "cce1e60b9e6fd917")
 # Of 32-bit floats that Blender stores.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -63,13 +65,14 @@ def shown_passes(material_of, change):
             if name.startswith(SETTINGS):
                 setattr(owner, name, True)
     change(scene, square)
-    if material_of is create_glint_material:
+    if material_of.func is create_glint_material:
         assert sorted(prepare_scene(scene)["hints"]) == ["Point", "Sun"]
     return rendered_passes(scene, SPP, SEEDS)
 
 
-def both(change):
-    return shown_passes(truth_material, change), shown_passes(create_glint_material, change)
+def both(change, **surface):
+    """Passes by Blender's nodes and by the lobe; surface: further arguments of both materials."""
+    return tuple(shown_passes(partial(make, **surface), change) for make in (truth_material, create_glint_material))
 
 
 def assert_same_mean(nodes, lobe, name):
@@ -162,3 +165,16 @@ def test_films_have_the_means_of_the_nodes(change, names):
     # What is seen of the camera's rays alone is the same.
     for name in ("Depth", "CryptoObject00", "CryptoMaterial00"):
         np.testing.assert_allclose(lobe[name], nodes[name], rtol=ROUNDING, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("surface", [
+    {"surface": "METAL", "color": (0.9, 0.5, 0.2), "edge_tint": (0.3, 0.9, 0.6)},
+    {"surface": "CONDUCTOR"},
+    {"surface": "DIELECTRIC", "ior": 1.5},
+], ids=lambda surface: surface["surface"])
+def test_every_surface_has_the_passes_of_its_node(surface):
+    nodes, lobe = both(lambda scene, square: None, distribution="GGX", **surface)
+    for name in EXACT:
+        np.testing.assert_allclose(lobe[name], nodes[name], rtol=ROUNDING, atol=ROUNDING)
+    for name in MEANS:
+        assert_same_mean(nodes[name], lobe[name], name)
