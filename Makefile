@@ -6,10 +6,10 @@ MAKEFLAGS += --no-print-directory
 STAMP := .venv/.glint-stamp
 VENV_PYTHON := .venv/bin/python
 
-.PHONY: help setup demo test stress lint package truth bench bench-quick screenshots clean
+.PHONY: help setup demo gallery contact-sheet test stress lint package truth bench bench-quick screenshots clean
 
 help:  ## Say what each target does
-	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
 
 setup: $(STAMP)  ## Make the development environment (.venv)
 	@:
@@ -19,6 +19,12 @@ $(STAMP): pyproject.toml .python-version tools/bootstrap.py
 
 demo: $(STAMP)  ## Render the demo scenes into out/
 	@$(VENV_PYTHON) -m demo_scenes
+
+gallery: $(STAMP)  ## Render the demo's scenes and those comparisons that take longer
+	@$(VENV_PYTHON) -m demo_scenes --all
+
+contact-sheet: $(STAMP)  ## Render all presets into docs/presets.jpg, and their thumbnails (an hour)
+	@$(VENV_PYTHON) -m demo_scenes --presets
 
 PYTEST := $(VENV_PYTHON) -m pytest --numprocesses 2 --dist worksteal
 

@@ -8,51 +8,39 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+SHOWCASE = ("car_paint", "snow", "metal_and_glitter")
 FIGURES = ("constant_colour", "checker_sphere", "image_sphere", "glint_before_after")
 COMPARISONS = ("flakes_close", "flakes_far", "scratches_close", "brushed_far")
 THREE_WAYS = "three_ways"
+ALL = (*SHOWCASE, *FIGURES, *COMPARISONS, THREE_WAYS)
+# What three minutes on two cores do not suffice for.
+GALLERY = ("flakes_far", "brushed_far", THREE_WAYS)
+DEMO = tuple(name for name in ALL if name not in GALLERY)
 
 
 def main(arguments=None) -> int:
     """Command line; returns the exit code. The table goes to standard output, progress to standard error."""
     options = _parser().parse_args(arguments)
-    names = options.only or (*FIGURES, *COMPARISONS, THREE_WAYS)
     out = Path(options.out)
     _start_blender(out)
     if options.renew_truth:
         return _renew(options.renew_truth)
-
-    from . import report, three_ways
-    from .comparison import compare
-    from .figure import draw_figure
-
-    rows = []
-    for name in names:
-        _say(f"Rendering {name}")
-        scene_module = import_module(f".{name}", __package__)
-        if name in COMPARISONS:
-            rows += compare(scene_module, out)
-        elif name == THREE_WAYS:
-            three_ways.draw(out)
-        else:
-            draw_figure(scene_module, out)
-    if rows:
-        table = report.table(rows)
-        sys.stdout.write(table + "\n")
-        report.save(rows, out / "table.json")
-        if options.readme:
-            report.update_readme(table, out)
+    if options.presets is not None:
+        return _draw_presets(out, options.presets)
+    _draw(options.only or (ALL if options.all else DEMO), out, readme=options.readme)
     _say(f"Pictures are in {out}")
     return 0
 
 
 def _parser():
-    known = (*FIGURES, *COMPARISONS, THREE_WAYS)
     parser = argparse.ArgumentParser(prog="python -m demo_scenes", description="Render the demo pictures of Glint.")
-    parser.add_argument("--only", metavar="NAME", nargs="+", choices=known, help=f"scenes: {', '.join(known)}")
+    parser.add_argument("--only", metavar="NAME", nargs="+", choices=ALL, help=f"scenes: {', '.join(ALL)}")
+    parser.add_argument("--all", action="store_true", help=f"all scenes, also {', '.join(GALLERY)}")
     parser.add_argument("--out", default="out", help="folder for pictures and table (default: out)")
     parser.add_argument("--readme", action="store_true",
                         help="also put the table into demo_scenes/README.md and pictures into docs")
+    parser.add_argument("--presets", metavar="NAME", nargs="*",
+                        help="render these presets and their thumbnails instead, or all and the contact sheet")
     parser.add_argument("--renew-truth", metavar="NAME", nargs="+", choices=COMPARISONS,
                         help="render the stored truth of these scenes again (minutes each)")
     return parser
@@ -66,6 +54,47 @@ def _start_blender(out):
     import glint_addon
 
     glint_addon.register()
+
+
+def _draw(names, out, *, readme):
+    """Render scenes, and write the table of those that are compared."""
+    from . import report, showcase, three_ways
+    from .comparison import compare
+    from .figure import draw_figure
+
+    rows = []
+    for name in names:
+        _say(f"Rendering {name}")
+        if name in SHOWCASE:
+            showcase.draw(name, out)
+            continue
+        scene_module = import_module(f".{name}", __package__)
+        if name in COMPARISONS:
+            rows += compare(scene_module, out)
+        elif name == THREE_WAYS:
+            three_ways.draw(out)
+        else:
+            draw_figure(scene_module, out)
+    if rows:
+        table = report.table(rows)
+        sys.stdout.write(table + "\n")
+        report.save(rows, out / "table.json")
+        if readme:
+            report.update_readme(table, out)
+
+
+def _draw_presets(out, names) -> int:
+    import glint_addon
+
+    from . import presets
+
+    unknown = [name for name in names if name not in glint_addon.presets()]
+    if unknown:
+        _say(f"There is no preset {', '.join(unknown)}: choose among {', '.join(glint_addon.presets())}.")
+        return 2
+    presets.draw(out, tuple(names))
+    _say(f"Pictures are in {out / 'presets'}")
+    return 0
 
 
 def _renew(names):

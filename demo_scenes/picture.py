@@ -1,4 +1,4 @@
-"""Pictures of the demo: linear renders side by side with labels, as PNG files."""
+"""Pictures of the demo: linear renders side by side with labels, as PNG files, or JPEG where the name ends in .jpg."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ TEXT_SIZE = 13
 LINE_HEIGHT = 19
 BACKGROUND = 24  # 0..255, dark so that glints are judged against black
 FONT = 0  # Blender's own
+QUALITY = 80  # of JPEG files, 0..100
 
 
 def save_side_by_side(file, panels, *, title="", scale=1, exposure=1.0):
@@ -32,6 +33,11 @@ def save_rows(file, rows, *, scale=1):
     rows: (title, panels, exposure), of which `save_side_by_side` writes one. Raises OSError as that does.
     """
     _write(file, np.concatenate([_row(title, panels, scale, exposure) for title, panels, exposure in reversed(rows)]))
+
+
+def save_picture(file, pixels, quality=QUALITY):
+    """Write one picture without a frame, as `save_side_by_side` shows it. Raises OSError as that does."""
+    _write(file, standard_view(pixels), quality)
 
 
 def standard_view(pixels) -> np.ndarray:
@@ -72,13 +78,17 @@ def _text(text, width):
     return (BACKGROUND + (230 - BACKGROUND) * coverage).astype(np.uint8).repeat(3, axis=2)
 
 
-def _write(file, pixels):
+def _write(file, pixels, quality=QUALITY):
     height, width = pixels.shape[:2]
     whole = imbuf.new((width, height))
     with whole.with_buffer(write=True) as buffer:
         np.asarray(buffer)[...] = np.dstack([pixels, np.full((height, width), 255, np.uint8)])
-    whole.file_type = "PNG"
-    whole.compress = 100
+    is_jpeg = Path(file).suffix == ".jpg"
+    whole.file_type = "JPEG" if is_jpeg else "PNG"
+    if is_jpeg:
+        whole.quality = quality
+    else:
+        whole.compress = 100
     Path(file).parent.mkdir(parents=True, exist_ok=True)
     imbuf.write(whole, filepath=str(file))
     whole.free()

@@ -4,6 +4,7 @@ from importlib import import_module
 
 # Public functions and the modules they come from; loaded at first use, because they need Blender.
 _PUBLIC = {
+    "add_radial_uvs": "materials.radial_uvs",
     "changes_since_prepared": "prepare.changes",
     "create_glint_material": "materials.create",
     "prepare_scene": "prepare.scene",
@@ -11,7 +12,7 @@ _PUBLIC = {
 }
 
 __all__ = [  # noqa: F822  (see __getattr__)
-    "changes_since_prepared", "create_glint_material", "prepare_scene", "presets", "register",
+    "add_radial_uvs", "changes_since_prepared", "create_glint_material", "prepare_scene", "presets", "register",
     "unregister",
 ]
 

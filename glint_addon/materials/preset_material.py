@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import bpy
 
-from ..images import is_edited, new_generated_map, parts, recipe_of
+from ..images import flake_images, is_edited, is_generated_map, new_generated_map, recipe_of
 from ..nodes import car_paint
 from ..nodes.builder import add_node
 from ..nodes.flake_nodes import BASE
 from ..nodes.glint_bsdf import BSDF, ROUGHNESS, STRENGTH, VECTOR, is_glint_group
 from ..nodes.surface_kinds import KINDS, surface_of
-from ..properties import GENERATED_COLOR, GENERATED_PRESENCE
 from .build import built_material, leaving_nothing_behind
+from .preset_base import add_base, is_of_colors, set_inputs
 from .presets import Preset
 
 
@@ -24,23 +24,27 @@ def preset_material(name, preset: Preset, normal_map, defaults: dict, given: dic
     with leaving_nothing_behind():
         settings = defaults | {"scale": preset.scale, "interpolation": preset.recipe.generator.interpolation}
         settings |= preset.glint
+        colors = None
         if normal_map is None:
             normal_map = _generated(preset)
-            images = parts(normal_map)
-            settings |= {"presence": images.get(GENERATED_PRESENCE), "flake_color": images.get(GENERATED_COLOR)}
+            flakes = flake_images(normal_map)
+            if is_of_colors(preset.base):
+                colors = flakes.pop("flake_color", None)
+            settings |= flakes
         material = built_material(name, normal_map, **settings | given)
         node = next(each for each in material.node_tree.nodes if is_glint_group(getattr(each, "node_tree", None)))
         if preset.paint is not None:
             _paint(material.node_tree, node, preset)
-        elif BASE.name in node.inputs:
-            _set_inputs(node.inputs[BASE.name].links[0].from_node, preset.base)
+        elif preset.base:
+            add_base(material.node_tree, node, preset.base, colors)
     return material
 
 
 def _generated(preset: Preset) -> bpy.types.Image:
     """The normal map of a preset: one of this file that nobody edited, else a new one."""
     for image in bpy.data.images:
-        if image.library is None and recipe_of(image) == preset.recipe and parts(image) and not is_edited(image):
+        is_ours = is_generated_map(image) and image.library is None and recipe_of(image) == preset.recipe
+        if is_ours and not is_edited(image):
             return image
     return new_generated_map(preset.name, preset.recipe)
 
@@ -58,7 +62,7 @@ def _paint(tree, node, preset):
     for socket, name in ((car_paint.FLAKE_COLOR, inner), (car_paint.FLAKE_ROUGHNESS, ROUGHNESS.name),
                          (car_paint.FLAKE_STRENGTH, STRENGTH.name)):
         paint.inputs[socket.name].default_value = values[name]
-    _set_inputs(paint, preset.paint)
+    set_inputs(paint, preset.paint)
     paint.location = node.location
     coordinates = node.inputs[VECTOR.name].links[0].from_socket
     tree.links.new(coordinates, paint.inputs[VECTOR.name])
@@ -67,11 +71,3 @@ def _paint(tree, node, preset):
         tree.nodes.remove(node.inputs[BASE.name].links[0].from_node)
     tree.nodes.remove(node)
     tree.links.new(paint.outputs[BSDF.name], output)
-
-
-def _set_inputs(node, values):
-    """Give inputs of a node, by name, values as a preset has them: colours have three numbers there."""
-    for name, value in values.items():
-        socket = node.inputs[name]
-        is_color = socket.bl_idname == "NodeSocketColor"
-        socket.default_value = (*value, 1.0) if is_color else value

@@ -5,8 +5,10 @@ A file is JSON:
 * "name", "category" and "description": for menus;
 * "map": a recipe of glint_addon/generate, see `Recipe.text`: generator, resolution, and colours of flakes;
 * "glint": arguments of `create_glint_material` that describe the facets;
-* "base": {input of a Principled BSDF: value} of what lies between flakes, where the map has a presence;
-* "paint": {input of Glint Car Paint: value}, if the material is such a group; it then has the base coat.
+* "base": {input of a Principled BSDF: value} of what lies between flakes, or beneath all facets where the map has no
+  presence; see `preset_base` for the two inputs that may follow the map;
+* "paint": {input of Glint Car Paint: value}, if the material is such a group; it then has the base coat;
+* "uvs": "RADIAL" if the map wants UVs that run around an axis, see `add_radial_uvs`.
 
 One repeat of the map is as wide as its generator's Extent says, on every object.
 """
@@ -34,6 +36,7 @@ class Preset:
     glint: dict[str, Any] = field(default_factory=dict)
     base: dict[str, Any] = field(default_factory=dict)
     paint: dict[str, Any] | None = None
+    uvs: str = ""
 
     @property
     def scale(self) -> float:

@@ -10,6 +10,7 @@ from .change_map import GLINT_OT_change_map
 from .generate_map import GLINT_OT_change_parts, GLINT_OT_generate_map, GLINT_OT_regenerate_map
 from .keep_glints import GLINT_OT_keep_glints
 from .prepare import GLINT_OT_prepare
+from .radial_uvs import GLINT_OT_add_radial_uvs
 from .scene_state import GLINT_PG_line, GLINT_PG_material_light, GLINT_PG_scene
 
 classes = (
@@ -25,6 +26,7 @@ classes = (
     GLINT_OT_change_parts,
     GLINT_OT_prepare,
     GLINT_OT_keep_glints,
+    GLINT_OT_add_radial_uvs,
     GLINT_OT_add_node_group,
     GLINT_FH_normal_map,
 )

@@ -40,7 +40,7 @@ class GLINT_OT_change_map(FailsSoftly, MapSettings, bpy.types.Operator):
         self.image = image.name if image is not None else ""
         if image != binding.image:
             for name in FLAKES:
-                self.properties.property_unset(name)
+                setattr(self, name, "")
         return context.window_manager.invoke_props_dialog(self, width=350)
 
     def run(self, context):

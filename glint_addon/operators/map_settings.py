@@ -63,7 +63,7 @@ class MapSettings:
         if not self.properties.is_property_set("interpolation"):
             self.interpolation = recipe.generator.interpolation
         for name, image in flake_images(normal_map).items():
-            if image is not None and self.interpolation == "CLOSEST" and not self.properties.is_property_set(name):
+            if image is not None and self.interpolation == "CLOSEST" and not getattr(self, name):
                 setattr(self, name, image.name)
 
     def start_from(self, binding: MapBinding):

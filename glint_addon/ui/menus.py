@@ -1,5 +1,5 @@
 """Entries in the Shader Editor's Add menu: BSDFs under Shader, lights under Input, scale under Vector, all others under
-Texture."""
+Texture; and in the 3D Viewport's Object menu."""
 
 import bpy
 
@@ -26,6 +26,12 @@ def draw_vectors(menu, context):
     _draw(menu, [name for name in GROUPS if name.endswith("Scale")])
 
 
+def draw_objects(menu, context):
+    """Object."""
+    menu.layout.separator()
+    menu.layout.operator("glint.add_radial_uvs")
+
+
 def _draw(menu, names):
     if not names:
         return
@@ -38,6 +44,7 @@ def _draw(menu, names):
 
 def register():
     """Append the entries."""
+    bpy.types.VIEW3D_MT_object.append(draw_objects)
     bpy.types.NODE_MT_category_shader_input.append(draw_inputs)
     bpy.types.NODE_MT_category_shader_shader.append(draw_shaders)
     bpy.types.NODE_MT_category_shader_texture.append(draw_textures)
@@ -50,3 +57,4 @@ def unregister():
     bpy.types.NODE_MT_category_shader_texture.remove(draw_textures)
     bpy.types.NODE_MT_category_shader_shader.remove(draw_shaders)
     bpy.types.NODE_MT_category_shader_input.remove(draw_inputs)
+    bpy.types.VIEW3D_MT_object.remove(draw_objects)

@@ -39,7 +39,7 @@ class GLINT_PT_material(GlintPanel, bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         draw_maps(layout, context)
-        layout.operator_menu_enum("glint.add_preset", "preset", text="Add Preset", icon="MATERIAL")
+        layout.operator_menu_enum("glint.add_preset", "preset", text="Add Preset")
         draw_picker(layout, context, "glint.change_map" if glint_nodes(context.material) else "glint.add_material")
         draw_changes(layout, context)
         layout.operator("glint.prepare", icon="FILE_REFRESH")

@@ -34,11 +34,12 @@ def test_car_paint_is_a_group_of_base_flakes_and_coat(scene):
     assert paint.outputs["BSDF"].links[0].to_node.bl_idname == "ShaderNodeOutputMaterial"
 
 
-def test_materials_of_one_preset_share_its_map(scene):
-    one, other = (create_glint_material("Paint", preset=PAINT) for _ in range(2))
+@pytest.mark.parametrize("name", [PAINT, "Brushed Steel"])
+def test_materials_of_one_preset_share_its_map(scene, name):
+    one, other = (create_glint_material("One", preset=name) for _ in range(2))
     assert glint_groups(one) == glint_groups(other)
     count = len(bpy.data.images)
-    create_glint_material("Paint", preset=PAINT)
+    create_glint_material("One", preset=name)
     assert len(bpy.data.images) == count
 
 
@@ -83,3 +84,57 @@ def test_a_preset_that_fails_leaves_nothing_behind(scene):
     with pytest.raises(MapError, match="out of range"):
         create_glint_material("Paint", preset=PAINT, roughness=2.0)
     assert data_names() == before
+
+
+def principled(material):
+    return next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+
+
+def test_what_lies_beneath_facets_is_added_to_their_light(scene):
+    """Facets of snow cover all of it: the Principled BSDF with its subsurface is beneath them, and does not reflect."""
+    material = create_glint_material("Snow", preset="Fresh Snow")
+    base, preset = principled(material), glint_addon.presets()["Fresh Snow"]
+    total = base.outputs["BSDF"].links[0].to_node
+    assert total.bl_idname == "ShaderNodeAddShader"
+    assert {link.from_node.name[:5] for socket in total.inputs for link in socket.links} == {"Glint", "Princ"}
+    assert total.outputs[0].links[0].to_node.bl_idname == "ShaderNodeOutputMaterial"
+    assert base.inputs["Subsurface Weight"].default_value == preset.base["Subsurface Weight"] > 0
+    assert base.inputs["Specular IOR Level"].default_value == 0
+    normal = base.inputs["Normal"].links[0].from_node
+    (group,) = glint_groups(material)
+    assert normal.inputs["Strength"].default_value == pytest.approx(preset.base["Normal"])
+    texture = normal.inputs["Color"].links[0].from_node
+    assert texture.image == group_binding(group).image and texture.interpolation == "Closest"
+    assert texture.inputs["Vector"].links[0].from_node.name.startswith("Glint Scale")
+
+
+def test_colours_may_belong_to_the_base(scene):
+    material = create_glint_material("Sand", preset="Sand")
+    texture = principled(material).inputs["Base Color"].links[0].from_node
+    (group,) = glint_groups(material)
+    assert texture.image.name.startswith("Sand Color")
+    assert group_binding(group).flake_color is None
+
+
+def test_a_map_of_ones_own_leaves_out_the_colours_of_the_presets_map(scene, tmp_path):
+    path = write_flake_map(tmp_path / "flakes.png", 16)
+    assert not principled(create_glint_material("Sand", path, preset="Sand")).inputs["Base Color"].is_linked
+
+
+def test_scratches_have_no_presence_in_a_material(scene):
+    """Their map is read between texels, where no texel says what is there."""
+    (group,) = glint_groups(create_glint_material("Chrome", preset="Scratched Chrome"))
+    binding = group_binding(group)
+    assert binding.presence is None and binding.interpolation == "LINEAR"
+
+
+PROMISED = {
+    "Silver Metallic", "Metallic Red", "Blue Pearl", "Candy Apple", "Glitter Nail Polish", "Hologram Glitter",
+    "Brushed Steel", "Brushed Aluminium", "Scratched Chrome", "Swirl Marks", "Hammered Gold", "Anodised Titanium",
+    "Cast Iron", "Fresh Snow", "Old Snow", "Frost", "Sand", "Sugar", "Mica Granite", "Sequin Fabric",
+    "Christmas Bauble",
+}
+
+
+def test_the_presets_that_were_promised_are_there():
+    assert set(glint_addon.presets()) >= PROMISED

@@ -11,7 +11,7 @@ import glint_addon
 
 ROOT = Path(__file__).resolve().parents[2]
 MENUS = ("NODE_MT_category_shader_input", "NODE_MT_category_shader_shader", "NODE_MT_category_shader_texture",
-         "NODE_MT_category_shader_vector")
+         "NODE_MT_category_shader_vector", "VIEW3D_MT_object")
 
 
 def menu_entries() -> dict[str, list]:
@@ -77,7 +77,7 @@ def test_the_operators_have_the_names_that_stay(registered):
 
 @pytest.mark.parametrize("name", [
     "add_material", "change_map", "prepare", "keep_glints", "add_node_group", "generate_map", "regenerate_map",
-    "change_parts",
+    "change_parts", "add_radial_uvs",
 ])
 def test_every_operator_and_setting_has_a_tooltip_without_a_final_period(registered, name):
     operator = getattr(bpy.ops.glint, name).get_rna_type()
@@ -88,7 +88,8 @@ def test_every_operator_and_setting_has_a_tooltip_without_a_final_period(registe
 
 def test_every_operator_can_be_undone(registered):
     for name in ("GLINT_OT_add_material", "GLINT_OT_prepare", "GLINT_OT_keep_glints", "GLINT_OT_add_node_group",
-                 "GLINT_OT_generate_map", "GLINT_OT_regenerate_map", "GLINT_OT_change_parts"):
+                 "GLINT_OT_generate_map", "GLINT_OT_regenerate_map", "GLINT_OT_change_parts",
+                 "GLINT_OT_add_radial_uvs"):
         assert {"REGISTER", "UNDO"} <= set(getattr(bpy.types, name).bl_options)
 
 

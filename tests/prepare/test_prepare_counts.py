@@ -131,7 +131,7 @@ def work(monkeypatch) -> Counter:
 
         monkeypatch.setattr(f"{place}.{name}", counting)
 
-    for place in ("glint_addon.materials.create", "glint_addon.prepare.map_bake"):
+    for place in ("glint_addon.materials.build", "glint_addon.prepare.map_bake"):
         count(place, "image_pixels", "read")
     for place in ("glint_addon.bake.normal_map", "glint_addon.prepare.map_bake"):
         count(place, "decoded_normals", "decoded")

@@ -14,7 +14,7 @@ from tests.helpers.stress_stage import sunny_square
 
 pytestmark = stress("every value against Blender's nodes", fast=[
     "osl/test_lobe.py::test_every_surface_has_the_right_mean_in_each_channel",
-    "osl/test_flakes.py",
+    "osl/test_flakes.py::test_flakes_have_the_mean_of_blenders_nodes_at_every_distance",
 ])
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
