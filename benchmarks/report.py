@@ -31,6 +31,7 @@ OTHERS = {
     "denoise": "Denoising",
     "bake": "Baking, and the start of a render",
     "generate": "Generating microstructure",
+    "preset_cost": "What a preset costs",
 }
 STRESS = RESULTS / "stress.json"
 MEGABYTE = 1e6

@@ -25,9 +25,14 @@ def main(arguments=None) -> int:
     _start_blender(out)
     if options.renew_truth:
         return _renew(options.renew_truth)
+    if options.preset_list:
+        from . import report
+
+        report.update_guide()
+        return 0
     if options.presets is not None:
         return _draw_presets(out, options.presets)
-    _draw(options.only or (ALL if options.all else DEMO), out, readme=options.readme)
+    _draw(options.only or (ALL if options.all or options.readme else DEMO), out, readme=options.readme)
     _say(f"Pictures are in {out}")
     return 0
 
@@ -38,9 +43,10 @@ def _parser():
     parser.add_argument("--all", action="store_true", help=f"all scenes, also {', '.join(GALLERY)}")
     parser.add_argument("--out", default="out", help="folder for pictures and table (default: out)")
     parser.add_argument("--readme", action="store_true",
-                        help="also put the table into demo_scenes/README.md and pictures into docs")
+                        help="all scenes, and put the table into demo_scenes/README.md and pictures into docs")
     parser.add_argument("--presets", metavar="NAME", nargs="*",
                         help="render these presets and their thumbnails instead, or all and the contact sheet")
+    parser.add_argument("--preset-list", action="store_true", help="write the presets' list into docs/guide.md instead")
     parser.add_argument("--renew-truth", metavar="NAME", nargs="+", choices=COMPARISONS,
                         help="render the stored truth of these scenes again (minutes each)")
     return parser

@@ -24,18 +24,15 @@ AXIS_TILT = math.radians(58)  # of turned surfaces' axis, from straight up towar
 BESIDE = math.radians(12)  # from where the sun is mirrored to the middle of a close-up
 TABLE = (0.21, 0.20, 0.19)
 # Height of the direction that is looked at (its z) and the sky's colour there; below 0 lies what is around the table.
-SKY = ((-0.05, (0.10, 0.095, 0.09)), (0.0, (0.80, 0.82, 0.85)), (0.25, (0.42, 0.52, 0.68)), (1.0, (0.13, 0.21, 0.38)))
+SKY = ((-0.05, (0.10, 0.095, 0.09)), (0.0, (0.80, 0.82, 0.85)), (0.25, (0.52, 0.54, 0.58)), (1.0, (0.23, 0.27, 0.34)))
 # What a close-up shows, in widths of the map's feature: the setting of its generator, and how many of it.
 FEATURES = {"FLAKES": ("size", 40), "GRAINS": ("size", 24), "SEQUINS": ("size", 6), "DENTS": ("size", 5),
             "SCRATCHES": ("length", 2), "BRUSHED": ("length", 4), "BUMPS": ("wavelength", 12)}
 NARROWEST, WIDEST = 0.003, 0.04  # metres of a close-up
 
 
-def build(name: str, *, size=(512, 512), spp=64, close=False, glints="GLINT") -> bpy.types.Scene:
-    """The stage with a ball of preset `name`, its UVs in metres; close: a narrow view of its highlight instead.
-
-    glints: "GLINT"; "PLAIN" renders Blender's own nodes; "NONE" leaves the material without its normal map.
-    """
+def build(name: str, *, size=(512, 512), spp=64, close=False) -> bpy.types.Scene:
+    """The stage with a ball of preset `name`, its UVs in metres; close: a narrow view of its highlight instead."""
     preset = preset_named(name)
     scene = stage.empty_scene(size, spp)
     material = glint_addon.create_glint_material(name, preset=name)

@@ -12,10 +12,14 @@ from pathlib import Path
 
 import bpy
 
+import glint_addon
+
 ROOT = Path(__file__).resolve().parent.parent
 README = ROOT / "demo_scenes" / "README.md"
 DOCS = ROOT / "docs"
 BEGIN, END = "<!-- demo table: begin -->", "<!-- demo table: end -->"
+GUIDE = DOCS / "guide.md"
+PRESETS_BEGIN, PRESETS_END = "<!-- presets: begin -->", "<!-- presets: end -->"
 DOCS_PICTURES = ("glint_before_after", "flakes_close", "flakes_far", "scratches_close", "brushed_far", "three_ways")
 
 
@@ -48,13 +52,29 @@ def update_readme(text, out):
 
     Raises ValueError if the README has no such block.
     """
-    readme = README.read_text(encoding="utf-8")
-    if readme.count(BEGIN) != 1 or readme.count(END) != 1:
-        raise ValueError(f"demo_scenes/{README.name} needs one block between {BEGIN} and {END}: put the marks back.")
-    before, rest = readme.split(BEGIN)
-    after = rest.split(END)[1]
-    README.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
+    _replace_block(README, BEGIN, END, text)
     DOCS.mkdir(exist_ok=True)
     for name in DOCS_PICTURES:
         if (out / f"{name}.png").is_file():
             shutil.copy(out / f"{name}.png", DOCS / f"{name}.png")
+
+
+def update_guide():
+    """Replace the list of presets in docs/guide.md by that of their files. Raises ValueError without such a block."""
+    _replace_block(GUIDE, PRESETS_BEGIN, PRESETS_END, preset_list())
+
+
+def preset_list() -> str:
+    """A Markdown table of all presets: category, name, what it is, and how large one repeat of its map is."""
+    lines = ["| kind | preset | what it is | repeat |", "| --- | --- | --- | ---: |"]
+    lines += [f"| {each.category} | {each.name} | {each.description} | {100 * each.scale:g} cm |"
+              for each in glint_addon.presets().values()]
+    return "\n".join(lines)
+
+
+def _replace_block(file, begin, end, text):
+    whole = file.read_text(encoding="utf-8")
+    if whole.count(begin) != 1 or whole.count(end) != 1:
+        raise ValueError(f"{file.name} needs one block between {begin} and {end}: put the marks back.")
+    before, rest = whole.split(begin)
+    file.write_text(f"{before}{begin}\n{text}\n{end}{rest.split(end)[1]}", encoding="utf-8")

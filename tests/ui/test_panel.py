@@ -79,7 +79,8 @@ def glinting(plane, tmp_path):
 
 
 def test_without_a_glint_material_the_panel_asks_for_a_map(plane):
-    assert drawn(GLINT_PT_material) == ["Normal Map:", "<normal_map>", "[glint.add_material]", "[glint.prepare]"]
+    assert drawn(GLINT_PT_material) == [
+        "[Add Preset: preset]", "Normal Map:", "<normal_map>", "[glint.add_material]", "[glint.prepare]"]
 
 
 def test_before_preparing_the_panel_says_so(glinting):
