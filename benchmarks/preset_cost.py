@@ -8,8 +8,9 @@ from statistics import median
 import glint_addon
 from demo_scenes import measure, preset_stage
 from glint_addon.materials.find import glint_groups, is_glint_material
-from glint_addon.nodes.flake_nodes import BASE
+from glint_addon.nodes.flake_nodes import BASE, BASE_MIX
 from glint_addon.nodes.map_choices import FACETS_NODE
+from glint_addon.nodes.resampled import WIDE_NODE
 
 from .command import run_command
 from .record import RESULTS, machine, machine_line
@@ -51,6 +52,8 @@ def keep_glints(scene):
 def use_nodes(scene):
     """Render Blender's own nodes, without Open Shading Language, where they are fastest."""
     scene.cycles.shading_system = False
+    for group in glint_groups(_glint_material(scene)):
+        group.nodes[WIDE_NODE].outputs["Value"].default_value = 0.0  # no places: plain nodes
 
 
 def remove_glints(scene):
@@ -60,8 +63,7 @@ def remove_glints(scene):
         facets = group.nodes[FACETS_NODE]
         group.links.remove(facets.inputs["Normal"].links[0])
         if BASE.name in group.interface.items_tree:
-            # The mix of base and flakes is what the facets alone go to.
-            factor = facets.outputs["BSDF"].links[0].to_node.inputs[0]
+            factor = group.nodes[BASE_MIX].inputs["Factor"]
             group.links.remove(factor.links[0])
             factor.default_value = 0.0
 

@@ -14,6 +14,7 @@ from .map_choices import FACETS_NODE
 from .surface_kinds import KINDS, surface_of
 
 PRESENCE_NODE, PRESENCE_ORIGINAL, FLAKE_COLOR_NODE = "Presence Image", "Presence Original", "Flake Color Image"
+BASE_MIX = "Base or flake"
 BASE = Socket("Base", "NodeSocketShader", help="What lies between the flakes")
 # From which value on a texel is a flake.
 THRESHOLD = 0.5
@@ -50,7 +51,7 @@ def add_presence(group, source, image, surface):
     texture = _add_texture(group, source, PRESENCE_NODE)
     read_as_data(group, PRESENCE_NODE, PRESENCE_ORIGINAL, image)
     is_flake = add_math(group, "GREATER_THAN", texture.outputs["Color"], THRESHOLD, label="Is Flake")
-    mix = add_node(group, "ShaderNodeMixShader", "Base or flake")
+    mix = add_node(group, "ShaderNodeMixShader", BASE_MIX)
     for socket, shader in zip(mix.inputs, (is_flake, source.outputs[BASE.name], surface), strict=True):
         group.links.new(shader, socket)
     return mix.outputs[0]

@@ -26,7 +26,7 @@ from .scene_lights import HINT_COUNT
 
 # Of the hidden groups, and part of their names: groups of an older version keep theirs until they are brought up to
 # date, and Blender drops what nobody uses when it saves the file.
-VERSION = 2
+VERSION = 3
 DEFAULT_COUNT, LARGEST_COUNT = 16, 64  # places of a sample
 # Importance below which a normal is left to the plain part of the sum: higher, and that part's noise shows; lower, and
 # the weight of a rare normal grows: decision 59.
@@ -71,12 +71,13 @@ PIXEL_WIDTH = Driven(
 
 @dataclass(frozen=True)
 class Places:
-    """What `add_places` returns, sockets all: colour of the kept normal, and its texture coordinates; weights of the
-    kept and of the own normal; is_useful: 1 where a footprint is wider than a texel and a light is looked for, else
-    0."""
+    """What `add_places` returns, sockets all: colour of the kept normal, its texture coordinates, and the cosine
+    between view and the half vectors near it; weights of the kept normal, and of the own one, 0..1; is_useful: 1 where
+    a footprint is wider than a texel and a light is looked for, else 0."""
 
     kept: bpy.types.NodeSocket
     kept_place: bpy.types.NodeSocket
+    kept_cosine: bpy.types.NodeSocket
     kept_weight: bpy.types.NodeSocket
     own_weight: bpy.types.NodeSocket
     is_useful: bpy.types.NodeSocket
@@ -105,12 +106,13 @@ def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> P
     group.links.new(place, texture.inputs["Vector"])
     colour = texture.outputs["Color"]
     kept = end.outputs["Normal"]
-    importance, of_kept, of_own = (
+    importance, kept_importance, of_own = (
         _add_group(group, IMPORTANCE, label, {
             "Color": source, "Strength": sockets["Strength"],
             **{f"{name} {number}": known[f"{name} {number}"] for number in _NUMBERS for name in _OF_A_LIGHT},
-        }).outputs["Importance"]
+        }).outputs
         for label, source in zip(IMPORTANCE_NODES, (colour, kept, own), strict=True))
+    importance = importance["Importance"]
     total = add_math(group, "ADD", start.outputs["Sum"], importance)
     # A fresh number for each place of each sample: no two look at the same coordinates.
     chance = add_node(group, "ShaderNodeTexWhiteNoise", "Chance", noise_dimensions="2D")
@@ -124,8 +126,9 @@ def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> P
     return Places(
         kept,
         end.outputs["Place"],
-        add_math(group, "DIVIDE", mean, add_math(group, "ADD", of_kept, FLOOR)),
-        add_math(group, "DIVIDE", FLOOR, add_math(group, "ADD", of_own, FLOOR)),
+        kept_importance["Cosine"],
+        add_math(group, "DIVIDE", mean, add_math(group, "ADD", kept_importance["Importance"], FLOOR)),
+        add_math(group, "DIVIDE", FLOOR, add_math(group, "ADD", of_own["Importance"], FLOOR)),
         add_math(group, "MULTIPLY", known["Is Lit"], footprint["Is Wide"]),
     )
 
@@ -207,8 +210,9 @@ def _vector(name, default=(0.0, 0.0, 0.0)):
 
 _NUMBERS = range(1, HINT_COUNT + 1)  # of the lights that the importance knows, all of them: decision 62
 # What the importance knows of a light: tangent-space vectors across and in the plane of incidence, whose dot products
-# with a normal are its distances from the half vector in widths of what the light shows; and whether there is a light.
-_OF_A_LIGHT = ("Outwards", "Inwards", "Is On")
+# with a normal are its distances from the half vector in widths of what the light shows; whether there is a light; and
+# the cosine between half vector and view, on which Fresnel's reflectance depends.
+_OF_A_LIGHT = ("Outwards", "Inwards", "Is On", "Cosine")
 
 
 def _footprint(group, given):
@@ -331,7 +335,8 @@ def _half_vector(group, given):
                                      for direction in (given["Tangent"], given["Bitangent"], normal)))
         forms.append(add_math(group, "SCALE", upright, scale, vector=True))
     is_on = add_math(group, "GREATER_THAN", kind, 0.5)
-    return dict(zip(_OF_A_LIGHT, (*forms, is_on), strict=True))
+    # The sum of two unit vectors is twice as long as the cosine between it and either.
+    return dict(zip(_OF_A_LIGHT, (*forms, is_on, add_math(group, "MULTIPLY", length, 0.5)), strict=True))
 
 
 def _half_vectors(group, given):
@@ -347,13 +352,14 @@ def _half_vectors(group, given):
 
 
 def _importance(group, given):
-    """Importance 0..1 of a normal, encoded as a colour, for each light: their sum."""
+    """Importance 0..1 of a normal, encoded as a colour, for each light: their sum, and the mean cosine between half
+    vector and view, weighted by importance."""
     # As the Normal Map node has it: n = strength (2 c - 1) + (1 - strength) z.
     twice = add_math(group, "MULTIPLY", given["Strength"], 2.0)
     minus = add_math(group, "MULTIPLY", given["Strength"], -1.0)
     offset = _combined(group, minus, minus, add_math(group, "SUBTRACT", 1.0, twice))
     normal = add_math(group, "MULTIPLY_ADD", given["Color"], _combined(group, twice, twice, twice), offset, vector=True)
-    total = 0.0
+    total = cosines = 0.0
     for number in _NUMBERS:
         x, y = (add_math(group, "DOT_PRODUCT", normal, given[f"{name} {number}"], vector=True)
                 for name in _OF_A_LIGHT[:2])
@@ -363,27 +369,31 @@ def _importance(group, given):
         ggx = add_math(group, "DIVIDE", 1.0, add_math(group, "MULTIPLY", tail, tail))
         lobe = add_mix(group, "FLOAT", given["GGX"], beckmann, ggx, "Lobe")
         # A product with 0 and a sum with 0: Cycles then drops all nodes of a light that is off.
-        total = add_math(group, "ADD", add_math(group, "MULTIPLY", lobe, given[f"Is On {number}"]), total)
-    return {"Importance": total}
+        share = add_math(group, "MULTIPLY", lobe, given[f"Is On {number}"])
+        total = add_math(group, "ADD", share, total)
+        cosines = add_math(group, "ADD", add_math(group, "MULTIPLY", share, given[f"Cosine {number}"]), cosines)
+    mean = add_math(group, "DIVIDE", cosines, add_math(group, "MAXIMUM", total, 1e-30))
+    return {"Importance": total, "Cosine": mean}
 
 
 _KNOWN = tuple(
     socket for number in _NUMBERS
-    for socket in (_vector(f"Outwards {number}"), _vector(f"Inwards {number}"), _number(f"Is On {number}")))
+    for socket in (_vector(f"Outwards {number}"), _vector(f"Inwards {number}"), _number(f"Is On {number}"),
+                   _number(f"Cosine {number}")))
 _FORMULAS = {
     FOOTPRINT: ((_vector("Along"), _vector("Across"), _number("Is Wide")),
                 (_vector("Coordinates"), _vector("Size", (1.0, 1.0, 0.0)), _number("Samples", 1.0)), _footprint),
     PLACE: ((_vector("Place"),),
             (_number("Number"), _number("Count", 1.0), _vector("Coordinates"), _vector("Along"), _vector("Across"),
              _number("Sum")), _place),
-    HALF_VECTOR: ((_vector("Outwards"), _vector("Inwards"), _number("Is On")),
+    HALF_VECTOR: ((_vector("Outwards"), _vector("Inwards"), _number("Is On"), _number("Cosine")),
                   (_vector("Light"), _vector("Shape"), _number("Roughness"), _vector("Tangent"), _vector("Bitangent")),
                   _half_vector),
     HALF_VECTORS: ((*_KNOWN, _number("Is Lit")),
                    (*(_vector(f"{name} {number}") for number in _NUMBERS for name in ("Light", "Shape")),
                     _number("Roughness"), _vector("Tangent"), _vector("Bitangent")), _half_vectors),
-    IMPORTANCE: ((_number("Importance"),), (_vector("Color"), _number("Strength", 1.0), _number("GGX"), *_KNOWN),
-                 _importance),
+    IMPORTANCE: ((_number("Importance"), _number("Cosine")),
+                 (_vector("Color"), _number("Strength", 1.0), _number("GGX"), *_KNOWN), _importance),
 }
 
 

@@ -1,7 +1,7 @@
 """What facets of each kind of surface reflect, as a colour of a Glossy BSDF, where glints are made by nodes alone.
 
 Only the Glossy BSDF takes a weight above 1, as chosen places need it. Its colour is the reflectance at the angle
-between view and normal instead of half vector; a facet's lobe is narrow, and both agree to first order in its width.
+between view and the half vectors of the lights that are looked for, which the chosen normals mirror.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ VERSION = 1
 EDGE = 1.0 / 7.0
 
 
-def add_reflectance(group, surface: str, normal, inputs: dict[str, bpy.types.NodeSocket]) -> bpy.types.NodeSocket:
-    """Colour of a Glossy BSDF of world-space normal `normal` that is as bright as a facet of a kind of surface.
+def add_reflectance(group, surface: str, cosine, inputs: dict[str, bpy.types.NodeSocket]) -> bpy.types.NodeSocket:
+    """Colour of a Glossy BSDF that is as bright as a facet of a kind of surface where the cosine between half vector
+    and view is `cosine`, a socket.
 
     inputs: what the inputs of Blender's node for that kind have, by name.
     """
@@ -26,13 +27,14 @@ def add_reflectance(group, surface: str, normal, inputs: dict[str, bpy.types.Nod
     sockets, formula = _FORMULAS[surface]
     name = f".Glint Reflectance {surface.title()} {VERSION}"
     given = {socket.name: inputs[socket.name] for socket in sockets}
-    formulas = ((Socket("Color", "NodeSocketColor"),), (*sockets, Socket("Normal", "NodeSocketVector")), formula)
-    return add_hidden_group(group, name, "", {**given, "Normal": normal}, formulas).outputs["Color"]
+    formulas = ((Socket("Color", "NodeSocketColor"),), (*sockets, Socket("Cosine", "NodeSocketFloat")), formula)
+    return add_hidden_group(group, name, "", {**given, "Cosine": cosine}, formulas).outputs["Color"]
 
 
 def _metal(group, given):
     """Cycles' F82-tint; Kutz, Hasan, Edmondson: Novel aspects of the Adobe Standard Material, 2021."""
-    cosine, away = _cosine(group, given)
+    cosine = given["Cosine"]
+    away = add_math(group, "SUBTRACT", 1.0, cosine)
     above = _vector(group, "MAXIMUM", given["Base Color"], (0.0, 0.0, 0.0))
     head_on = _vector(group, "MINIMUM", above, (1.0, 1.0, 1.0))
     rise = add_math(group, "POWER", away, 5.0)
@@ -47,7 +49,7 @@ def _metal(group, given):
 
 def _conductor(group, given):
     """Fresnel reflectance at a complex refractive index; Born and Wolf: Principles of Optics, section 14.2."""
-    cosine, _ = _cosine(group, given)
+    cosine = given["Cosine"]
     square = _all(group, add_math(group, "MULTIPLY", cosine, cosine))
     sine = _vector(group, "SUBTRACT", (1.0, 1.0, 1.0), square)
     n2 = _vector(group, "MULTIPLY", given["IOR"], given["IOR"])
@@ -67,14 +69,25 @@ def _conductor(group, given):
 
 
 def _dielectric(group, given):
-    """Real Fresnel between the reflectance head-on, which is tinted, and 1, as Principled BSDF has it."""
-    fresnel = add_node(group, "ShaderNodeFresnel")
-    feed(group, fresnel.inputs["IOR"], given["IOR"])
-    feed(group, fresnel.inputs["Normal"], given["Normal"])
+    """Real Fresnel between the reflectance head-on, which is tinted, and 1, as Principled BSDF has it.
+
+    Cook, Torrance: A Reflectance Model for Computer Graphics, SIGGRAPH 1981.
+    """
+    def number(operation, *operands):
+        return add_math(group, operation, *operands)
+
+    cosine = given["Cosine"]
+    inside = number("SQRT", number("ADD", number("SUBTRACT", number("MULTIPLY", given["IOR"], given["IOR"]), 1.0),
+                                   number("MULTIPLY", cosine, cosine)))
+    less, more = number("SUBTRACT", inside, cosine), number("ADD", inside, cosine)
+    across = number("POWER", number("DIVIDE", less, more), 2.0)
+    ratio = number("DIVIDE", number("SUBTRACT", number("MULTIPLY", cosine, more), 1.0),
+                   number("ADD", number("MULTIPLY", cosine, less), 1.0))
+    both = number("MULTIPLY", number("MULTIPLY", across, 0.5), number("ADD", 1.0, number("MULTIPLY", ratio, ratio)))
     root = add_math(group, "DIVIDE", add_math(group, "SUBTRACT", given["IOR"], 1.0),
                     add_math(group, "ADD", given["IOR"], 1.0))
     head_on = add_math(group, "MULTIPLY", root, root)
-    share = add_math(group, "DIVIDE", add_math(group, "SUBTRACT", fresnel.outputs[0], head_on),
+    share = add_math(group, "DIVIDE", add_math(group, "SUBTRACT", both, head_on),
                      add_math(group, "SUBTRACT", 1.0, head_on))
     tinted = add_math(group, "SCALE", given["Specular Tint"], head_on, vector=True)
     return {"Color": add_mix(group, "VECTOR", share, tinted, (1.0, 1.0, 1.0), "Fresnel")}
@@ -89,14 +102,6 @@ _FORMULAS = {
     "CONDUCTOR": ((Socket("IOR", "NodeSocketVector"), Socket("Extinction", "NodeSocketVector")), _conductor),
     "DIELECTRIC": ((Socket("IOR", "NodeSocketFloat"), _color("Specular Tint")), _dielectric),
 }
-
-
-def _cosine(group, given):
-    """Cosine of the angle between view and normal, 0..1, and 1 less that."""
-    view = add_node(group, "ShaderNodeNewGeometry").outputs["Incoming"]
-    cosine = add_math(group, "MINIMUM", add_math(group, "MAXIMUM", add_math(
-        group, "DOT_PRODUCT", view, given["Normal"], vector=True), 0.0), 1.0)
-    return cosine, add_math(group, "SUBTRACT", 1.0, cosine)
 
 
 def _vector(group, operation, *operands):

@@ -1,14 +1,14 @@
 """The surface of a Glint BSDF by nodes alone, with less noise than plain nodes: one of several places is kept.
 
-A sample keeps one normal of its footprint, see `places`, with the colour of the flake there, and adds the hit point's
-own. Where that is of no use Blender's plain nodes remain.
+A sample keeps one normal of its footprint, see `places`, with the colour of the flake there, and adds Blender's plain
+nodes at the hit point with the weight that is left. Where that is of no use these remain alone.
 """
 
 from __future__ import annotations
 
 from . import places
 from .builder import add_math, add_mix, add_node, feed
-from .flake_nodes import BASE, FLAKE_COLOR_NODE, PRESENCE_NODE, THRESHOLD
+from .flake_nodes import FLAKE_COLOR_NODE, PRESENCE_NODE, THRESHOLD
 from .map_choices import FACETS_NODE, IMAGE_NODE, NORMAL_NODE
 from .reflectance import add_reflectance
 from .surface_kinds import KINDS, surface_of
@@ -16,12 +16,12 @@ from .surface_kinds import KINDS, surface_of
 WIDE_NODE = "Wider than a texel"
 # The places' own copies of the nodes that read the map, and what chooses between them and plain nodes.
 PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE = "Places Image", "Tangent", "Bitangent"
-KEPT_NORMAL, KEPT_FACETS, OWN_FACETS, PLACES_MIX = "Kept Normal", "Kept Facets", "Own Facets", "Places or plain"
+KEPT_NORMAL, KEPT_FACETS, OWN_MIX, PLACES_MIX = "Kept Normal", "Kept Facets", "Own Facets", "Places or plain"
 KEPT_PRESENCE, KEPT_COLOR = "Kept Presence", "Kept Color"
-NODES = (*places.NODES, PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL, KEPT_FACETS, OWN_FACETS, WIDE_NODE,
+NODES = (*places.NODES, PLACES_IMAGE, TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL, KEPT_FACETS, OWN_MIX, WIDE_NODE,
          PLACES_MIX)
 # Of Blender's own nodes of a group their copies, which read the map in the same way.
-COPIES = {IMAGE_NODE: (PLACES_IMAGE,), FACETS_NODE: (KEPT_FACETS, OWN_FACETS),
+COPIES = {IMAGE_NODE: (PLACES_IMAGE,), FACETS_NODE: (KEPT_FACETS,),
           NORMAL_NODE: (TANGENT_NODE, BITANGENT_NODE, KEPT_NORMAL), PRESENCE_NODE: (KEPT_PRESENCE,),
           FLAKE_COLOR_NODE: (KEPT_COLOR,)}
 # Colours that a normal map has for its two axes.
@@ -46,61 +46,54 @@ def add_surface(group, source, lights, coordinates, way, plain):
     group.links.new(found.kept, kept_normal.inputs["Color"])
     group.links.new(strength, kept_normal.inputs["Strength"])
     lobes = add_node(group, "ShaderNodeAddShader")
-    parts = (
-        (KEPT_FACETS, kept_normal, found.kept_weight, *_kept_flake(group, found.kept_place)),
-        (OWN_FACETS, group.nodes[NORMAL_NODE], found.own_weight, group.nodes.get(PRESENCE_NODE),
-         group.nodes.get(FLAKE_COLOR_NODE)),
-    )
-    for (name, normal, weight, presence, color), into in zip(parts, lobes.inputs, strict=True):
-        lobe = add_node(group, "ShaderNodeBsdfAnisotropic", name)
-        reflected = add_reflectance(group, surface_of(group), normal.outputs["Normal"], _inputs(group, source, color))
-        if presence is not None:
-            weight = add_math(group, "MULTIPLY", weight, _is_flake(group, presence))
-        feed(group, lobe.inputs["Color"], add_math(group, "SCALE", reflected, weight, vector=True))
-        feed(group, lobe.inputs["Roughness"], roughness)
-        feed(group, lobe.inputs["Normal"], normal.outputs["Normal"])
-        group.links.new(lobe.outputs["BSDF"], into)
-    return _add_choice(group, found, way, plain, _with_base(group, source, lobes.outputs[0]))
+    group.links.new(_kept_lobe(group, source, found, kept_normal), lobes.inputs[0])
+    group.links.new(_own_lobe(group, found, plain), lobes.inputs[1])
+    return _add_choice(group, found, way, plain, lobes.outputs[0])
 
 
-def _kept_flake(group, place):
-    """Nodes that read presence and colour at the place that was kept, or None for each that the group has not."""
-    return tuple(
-        _copy(group, name, copy, place) if name in group.nodes else None
-        for name, copy in ((PRESENCE_NODE, KEPT_PRESENCE), (FLAKE_COLOR_NODE, KEPT_COLOR)))
+def _kept_lobe(group, source, found, normal):
+    """The lobe of the normal that was kept, with the weight that it stands for."""
+    presence, color = (_copy(group, name, found.kept_place) for name in (PRESENCE_NODE, FLAKE_COLOR_NODE))
+    lobe = add_node(group, "ShaderNodeBsdfAnisotropic", KEPT_FACETS)
+    kind = KINDS[surface_of(group)]
+    inputs = {socket.name: source.outputs[socket.name] for socket in kind.sockets}
+    weight = found.kept_weight
+    if color is not None:
+        inputs[kind.color.name] = add_math(
+            group, "MULTIPLY", inputs[kind.color.name], color.outputs["Color"], vector=True)
+    if presence is not None:
+        weight = add_math(group, "MULTIPLY", weight, _is_flake(group, presence))
+    reflected = add_reflectance(group, surface_of(group), found.kept_cosine, inputs)
+    feed(group, lobe.inputs["Color"], add_math(group, "SCALE", reflected, weight, vector=True))
+    feed(group, lobe.inputs["Roughness"], source.outputs["Roughness"])
+    feed(group, lobe.inputs["Normal"], normal.outputs["Normal"])
+    return lobe.outputs["BSDF"]
 
 
-def _copy(group, name, copy, place):
-    node = add_node(group, "ShaderNodeTexImage", copy, image=group.nodes[name].image, interpolation="Closest")
+def _copy(group, name, place):
+    """A node that reads the image of the node `name` at a place, or None if the group has no such node."""
+    if name not in group.nodes:
+        return None
+    node = add_node(group, "ShaderNodeTexImage", COPIES[name][0], image=group.nodes[name].image,
+                    interpolation="Closest")
     group.links.new(place, node.inputs["Vector"])
     return node
 
 
+def _own_lobe(group, found, plain):
+    """Blender's own nodes with the weight of the normal at the hit point; what lies between flakes with weight 1."""
+    weight = found.own_weight
+    if PRESENCE_NODE in group.nodes:
+        between = add_math(group, "SUBTRACT", 1.0, _is_flake(group, group.nodes[PRESENCE_NODE]))
+        weight = add_math(group, "MAXIMUM", weight, between)
+    mix = add_node(group, "ShaderNodeMixShader", OWN_MIX)
+    group.links.new(weight, mix.inputs["Factor"])
+    group.links.new(plain, mix.inputs[2])
+    return mix.outputs[0]
+
+
 def _is_flake(group, presence):
     return add_math(group, "GREATER_THAN", presence.outputs["Color"], THRESHOLD)
-
-
-def _inputs(group, source, color):
-    """What the inputs of Blender's node for the surface have; color: Image Texture with the flake's colour, or None."""
-    kind = KINDS[surface_of(group)]
-    inputs = {socket.name: source.outputs[socket.name] for socket in kind.sockets}
-    if color is not None:
-        inputs[kind.color.name] = add_math(
-            group, "MULTIPLY", inputs[kind.color.name], color.outputs["Color"], vector=True)
-    return inputs
-
-
-def _with_base(group, source, flakes):
-    """The shader `flakes`, and what lies between flakes where the hit point is none."""
-    if PRESENCE_NODE not in group.nodes:
-        return flakes
-    base = add_node(group, "ShaderNodeMixShader", "Base between flakes")
-    group.links.new(_is_flake(group, group.nodes[PRESENCE_NODE]), base.inputs["Factor"])
-    group.links.new(source.outputs[BASE.name], base.inputs[1])
-    both = add_node(group, "ShaderNodeAddShader")
-    group.links.new(flakes, both.inputs[0])
-    group.links.new(base.outputs[0], both.inputs[1])
-    return both.outputs[0]
 
 
 def _add_choice(group, found, way, plain, chosen):

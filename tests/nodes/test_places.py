@@ -26,7 +26,7 @@ SHARP = {"roughness": 0.15}
 SUN = (0.15, 0.1, 1.0)
 # The hidden groups as their version made them: where one changes, raise VERSION in glint_addon/nodes/places.py and put
 # the new digest here.
-BUILT = (2, "588f0cf47a672000")
+BUILT = (3, "cffabde2036caf81")
 
 
 def stage(make_material, *, repeats=REPEATS, width=2.0, light=None, spp=4, **surface):
@@ -105,13 +105,24 @@ SURFACES = {
 }
 
 
+def low_sun(scene):
+    """A sun and a camera at 22 degrees above the square, where Fresnel's reflectance rises steeply."""
+    cycles.add_sun(scene, (0.0, 3.0, 1.2), angle=0.05, strength=math.pi)
+
+
+def look_low(scene):
+    scene.camera.location, scene.camera.rotation_euler = (0.0, -4.0, 1.6), (math.atan2(4.0, 1.6), 0.0, 0.0)
+    return scene
+
+
 @pytest.mark.parametrize("surface", SURFACES)
-def test_the_mean_of_each_kind_of_surface_is_that_of_its_node_in_each_channel(surface):
-    settings = {"surface": surface, "distribution": "GGX", "light": None, **SURFACES[surface]}
-    for width, tolerance in ((0.2, 0.01), (0.35, 0.03)):  # wider lobes: the angle is that of the normal
-        found = picture(by_nodes(spp=512, roughness=width, **settings)).mean(axis=(0, 1))
-        expected = picture(plain(spp=4096, roughness=width, **settings)).mean(axis=(0, 1))
-        assert found == pytest.approx(expected, rel=tolerance) and np.ptp(expected) > 0.05 * expected.max()
+@pytest.mark.parametrize("roughness", [0.2, 0.5])
+def test_the_mean_of_each_kind_of_surface_is_that_of_its_node_in_each_channel(surface, roughness):
+    settings = {"surface": surface, "distribution": "GGX", "light": low_sun, "roughness": roughness,
+                **SURFACES[surface]}
+    found = picture(look_low(by_nodes(spp=512, **settings))).mean(axis=(0, 1))
+    expected = picture(look_low(plain(spp=2048, **settings))).mean(axis=(0, 1))
+    assert found == pytest.approx(expected, rel=0.01) and np.ptp(expected) > 0.02 * expected.max()
 
 
 @pytest.mark.parametrize("surface", SURFACES)
@@ -303,7 +314,7 @@ def test_places_read_the_map_as_the_nodes_that_were_changed_by_hand():
     nodes[NORMAL_NODE].uv_map = "UVMap"
     prepare_scene(scene)
     assert nodes[resampled.PLACES_IMAGE].interpolation == "Linear"
-    assert {nodes[name].distribution for name in (resampled.KEPT_FACETS, resampled.OWN_FACETS)} == {"GGX"}
+    assert nodes[resampled.KEPT_FACETS].distribution == "GGX"
     for name in (resampled.KEPT_NORMAL, resampled.TANGENT_NODE, resampled.BITANGENT_NODE):
         assert (nodes[name].convention, nodes[name].uv_map) == ("DIRECTX", "UVMap")
     assert {nodes[name].inputs["GGX"].default_value for name in places.IMPORTANCE_NODES} == {1.0}

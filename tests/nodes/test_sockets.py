@@ -24,8 +24,8 @@ SETTINGS = {socket: socket.name.lower() for socket in (*NUMBERS, COLOR, EXTINCTI
 # The group without a map, with one for each kind of surface, and with flakes, as its version made it. Where it changes,
 # raise VERSION in glint_addon/nodes/glint_bsdf.py and put the new digests here: groups of saved files are brought up to
 # date only if their version is another.
-BUILT = (14, "0ba3682916a440c6", "32cf7f81f18852c3", "7282e1fa8c9f120e", "446a32c7f9518f96",
-         "7432f09702fe3005", "cce1e60b9e6fd917")
+BUILT = (14, "0ba3682916a440c6", "3053daa98b873730", "33777e42addacb77", "009808435b18041b",
+         "e20afc6dedce23fe", "d10f9450f9f99b48")
 # Of 32-bit floats that Blender stores.
 STEP = 1e-6
 
