@@ -8,7 +8,7 @@ from . import stage
 
 NAME = "checker_sphere"
 TITLE = "Checker sphere and its bleeding"
-SPP = 96
+SPP = 48
 DENOISE = True
 COLORS = {"Color 1": (0.9, 0.03, 0.02), "Color 2": (0.9, 0.35, 0.02)}
 SCALE = 18.0  # radians a metre: cells of 17 cm

@@ -6,7 +6,7 @@ from . import stage
 
 NAME = "constant_colour"
 TITLE = "Constant colours on wall and sphere"
-SPP = 64
+SPP = 32
 DENOISE = True
 WALL = (0.12, 0.3, 0.6)
 SPHERE = (0.85, 0.4, 0.08)

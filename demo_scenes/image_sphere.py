@@ -10,7 +10,7 @@ from . import maps, stage
 
 NAME = "image_sphere"
 TITLE = "Image-textured sphere"
-SPP = 64
+SPP = 32
 DENOISE = True
 SEED = 8
 WAVES = 160  # plane waves in the planet's relief

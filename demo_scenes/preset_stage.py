@@ -24,7 +24,7 @@ AXIS_TILT = math.radians(58)  # of turned surfaces' axis, from straight up towar
 BESIDE = math.radians(12)  # from where the sun is mirrored to the middle of a close-up
 TABLE = (0.21, 0.20, 0.19)
 # Height of the direction that is looked at (its z) and the sky's colour there; below 0 lies what is around the table.
-SKY = ((-0.05, (0.10, 0.095, 0.09)), (0.0, (0.80, 0.82, 0.85)), (0.25, (0.52, 0.54, 0.58)), (1.0, (0.23, 0.27, 0.34)))
+SKY = ((-0.05, (0.10, 0.095, 0.09)), (0.0, (0.88, 0.83, 0.77)), (0.25, (0.52, 0.54, 0.58)), (1.0, (0.23, 0.27, 0.34)))
 # What a close-up shows, in widths of the map's feature: the setting of its generator, and how many of it.
 FEATURES = {"FLAKES": ("size", 40), "GRAINS": ("size", 24), "SEQUINS": ("size", 6), "DENTS": ("size", 5),
             "SCRATCHES": ("length", 2), "BRUSHED": ("length", 4), "BUMPS": ("wavelength", 12)}

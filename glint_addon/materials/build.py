@@ -41,6 +41,8 @@ from ..nodes.map_tables import MapTables
 from ..nodes.surface_kinds import BASE_COLOR
 from .surface_values import checked, surface_values
 
+GREY = (0.8, 0.8, 0.8, 1.0)  # of a new Principled BSDF
+
 
 def built_material(name, normal_map, **settings) -> bpy.types.Material:
     """A new material of all the settings that `create_glint_material` takes, but for its preset.
@@ -65,7 +67,7 @@ def built_material(name, normal_map, **settings) -> bpy.types.Material:
         if scale is not None:
             _add_scale(material, uv_map, scale)
         if BASE.name in surface_node.inputs:
-            _add_base(material.node_tree, surface_node.inputs[BASE.name], base)
+            link_base(material.node_tree, surface_node.inputs[BASE.name], base)
     return material
 
 
@@ -178,8 +180,8 @@ def _add_scale(material, uv_map, scale):
     arrange(tree)
 
 
-def _add_base(tree, socket, color):
-    """What lies between flakes: a Principled BSDF, as new materials have."""
-    base = add_node(tree, "ShaderNodeBsdfPrincipled", inputs={"Base Color": color})
+def link_base(tree, socket, color=GREY):
+    """Link to `socket` what lies between flakes: a Principled BSDF, as new materials have."""
+    base = add_node(tree, "ShaderNodeBsdfPrincipled", inputs={"Base Color": color}, width=200.0)
     tree.links.new(base.outputs["BSDF"], socket)
     arrange(tree)

@@ -48,7 +48,7 @@ def set_inputs(node, values: dict) -> None:
 
 def _add_beneath(tree, node):
     """Add a Principled BSDF to the light of `node`; facets reflect for it, so it has no reflection of its own."""
-    base = add_node(tree, "ShaderNodeBsdfPrincipled", inputs={"Specular IOR Level": 0.0})
+    base = add_node(tree, "ShaderNodeBsdfPrincipled", inputs={"Specular IOR Level": 0.0}, width=200.0)
     total = add_node(tree, "ShaderNodeAddShader")
     output = node.outputs[BSDF.name].links[0].to_socket
     for shader, into in ((node.outputs[BSDF.name], total.inputs[0]), (base.outputs["BSDF"], total.inputs[1]),

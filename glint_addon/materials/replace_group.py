@@ -7,9 +7,11 @@ from dataclasses import replace
 import bpy
 
 from ..images import flake_images, parts, recipe_of
+from ..nodes.flake_nodes import BASE
 from ..nodes.glint_bsdf import group_binding, group_for, is_glint_group
 from ..nodes.map_binding import map_of
 from ..nodes.surface_kinds import KINDS, surface_of
+from .build import link_base
 
 
 def follow_generated(image: bpy.types.Image) -> None:
@@ -46,7 +48,7 @@ def _replace_everywhere(group, binding):
 
 def replace_group(node, group) -> None:
     """Let `node` use another Glint BSDF group: sockets of the same name keep their value and link, the colour of one
-    kind of surface becomes that of the other, and new sockets have their defaults."""
+    kind of surface becomes that of the other, and new sockets have their defaults, Base a Principled BSDF."""
     before, after = (KINDS[surface_of(each)].color for each in (node.node_tree, group))
     if [socket.name for socket in node.inputs] == [item.name for item in _inputs(group)]:
         node.node_tree = group  # Blender keeps what belongs to the sockets of the same place
@@ -65,6 +67,9 @@ def replace_group(node, group) -> None:
             socket.default_value = value
         if source is not None:
             tree.links.new(source, socket)
+    base = node.inputs.get(BASE.name)
+    if base is not None and not base.is_linked:
+        link_base(tree, base)
 
 
 def _inputs(group) -> list:

@@ -166,6 +166,8 @@ def texel_axes(
     change = changes[usable]
     trace = np.einsum("tia,tij,tja->t", change, np.linalg.inv(metric[usable]), change)
     largest = np.sqrt(0.5 * (trace + np.sqrt(np.maximum(trace**2 - 4.0 * product**2, 0.0))))
+    # The larger is no less than the root of both: rounding makes it 0 on slivers.
+    largest = np.maximum(largest, np.sqrt(product))
     return product / largest, largest, area
 
 

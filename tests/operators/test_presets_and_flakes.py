@@ -62,12 +62,16 @@ def test_a_generated_map_that_gets_colours_or_waves_is_read_as_it_is_then(plane)
     image.glint.coloring.mode = "SPREAD"
     binding = binding_of(plane)
     assert binding.flake_color == image["glint_generated_color"] and binding.presence is not None
+    node = next(node for node in plane.active_material.node_tree.nodes if node.name == "Glint BSDF")
+    assert node.inputs["Base"].is_linked and node.inputs["Vector"].is_linked
     image.glint.kind = "BUMPS"
     binding = binding_of(plane)
     assert (binding.interpolation, binding.presence, binding.flake_color) == ("LINEAR", None, None)
     image.glint.kind = "FLAKES"
     binding = binding_of(plane)
     assert binding.interpolation == "CLOSEST" and binding.presence is not None
+    node = next(node for node in plane.active_material.node_tree.nodes if node.name == "Glint BSDF")
+    assert node.inputs["Base"].links[0].from_node.bl_idname == "ShaderNodeBsdfPrincipled"
 
 
 def test_colours_of_the_users_own_stay(plane):
