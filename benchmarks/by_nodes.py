@@ -88,7 +88,7 @@ def _scene(name):
     truth, found = stored(name), {}
     for way, open_scene in (("plain", suite.nodes_scene), ("places", places_scene)):
         scene = open_scene(name)
-        errors = {spp: picture_error(_pictures(scene, spp, SEEDS), truth.mean, truth.variance)
+        errors = {spp: picture_error(pictures(scene, spp, SEEDS), truth.mean, truth.variance)
                   for spp in (*SPPS, BIAS_SPP)}
         found[way] = errors
     ratios, starts = [], []
@@ -121,20 +121,21 @@ def _bias(count, distribution):
             stage.add_sun(scene, (0.4 * math.cos(angle), 0.5 + 0.4 * math.sin(angle), 1), strength=1.0 / (1 + number))
         prepare_scene(scene)
         scene.cycles.shading_system = False
-        means.append([picture.mean() for picture in _pictures(scene, spp, BIAS_SEEDS)])
+        means.append([picture.mean() for picture in pictures(scene, spp, BIAS_SEEDS)])
     truth, found = (np.mean(values) for values in means)
     noise = math.hypot(*(np.std(values, ddof=1) / math.sqrt(BIAS_SEEDS) / truth for values in means))
     return {"lights": count, "distribution": distribution, "bias": float(found / truth - 1), "noise": float(noise)}
 
 
-def _pictures(scene, spp, seeds):
+def pictures(scene, spp, seeds, first=1):
+    """Luminance (height, width) of renders of `spp` samples with `seeds` seeds, the first of which is `first`."""
     scene.cycles.samples = spp
-    pictures = []
-    for seed in range(1, seeds + 1):
+    found = []
+    for seed in range(first, first + seeds):
         scene.cycles.seed = seed
-        pictures.append(measure.luminance(measure.rendered(scene)))
+        found.append(measure.luminance(measure.rendered(scene)))
     scene.cycles.seed = 1
-    return pictures
+    return found
 
 
 if __name__ == "__main__":

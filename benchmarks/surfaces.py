@@ -16,6 +16,7 @@ from demo_scenes.truth import truth_material
 from glint_addon.materials.create import create_glint_material
 from glint_addon.prepare.scene import prepare_scene
 
+from .by_nodes import pictures
 from .command import run_command
 from .cost import render_cost
 from .error import picture_error
@@ -105,12 +106,12 @@ def _images_of_flakes():
 
 def _row(case, distance) -> dict:
     scene = dressed(case, distance, "nodes")
-    parts = np.array(_pictures(scene, TRUTH, TRUTH_PARTS))
+    parts = np.array(pictures(scene, TRUTH, TRUTH_PARTS))
     mean, variance = parts.mean(axis=0), parts.var(axis=0, ddof=1) / TRUTH_PARTS
-    errors = {"nodes": {spp: picture_error(_pictures(scene, spp, SEEDS, first=11), mean, variance) for spp in SPPS}}
+    errors = {"nodes": {spp: picture_error(pictures(scene, spp, SEEDS, first=11), mean, variance) for spp in SPPS}}
     scene = dressed(case, distance, "lobe")
-    errors["lobe"] = {spp: picture_error(_pictures(scene, spp, SEEDS), mean, variance) for spp in SPPS}
-    whole = picture_error(_pictures(scene, SPPS[-1], BIAS_SEEDS), mean, variance)
+    errors["lobe"] = {spp: picture_error(pictures(scene, spp, SEEDS), mean, variance) for spp in SPPS}
+    whole = picture_error(pictures(scene, SPPS[-1], BIAS_SEEDS), mean, variance)
     costs = {spp: _cost(case, distance, spp) for spp in SPPS}
     return {"case": case, "distance": distance, "bias": whole.bias, "noise": whole.bias_noise,
             "spp": {str(spp): {"nodes": errors["nodes"][spp].rmse, "lobe": errors["lobe"][spp].rmse,
@@ -127,16 +128,6 @@ def _cost(case, distance, spp) -> float:
             seconds[method] = render_cost(scene, spp, measure.start_up_seconds(scene)).seconds
         ratios.append(seconds["lobe"] / seconds["nodes"])
     return median(ratios)
-
-
-def _pictures(scene, spp, seeds, first=1) -> list[np.ndarray]:
-    scene.cycles.samples = spp
-    pictures = []
-    for seed in range(first, first + seeds):
-        scene.cycles.seed = seed
-        pictures.append(measure.luminance(measure.rendered(scene)))
-    scene.cycles.seed = 1
-    return pictures
 
 
 if __name__ == "__main__":

@@ -45,9 +45,9 @@ def truth_material(
     tree = material.node_tree
     tree.nodes.clear()
 
-    texture = tree.nodes.new("ShaderNodeTexImage")
-    texture.image = image
-    texture.interpolation = INTERPOLATION.value(interpolation).native
+    coordinates = tree.nodes.new("ShaderNodeUVMap")
+    coordinates.uv_map = uv_map
+    texture = _texture(tree, image, coordinates, INTERPOLATION.value(interpolation).native)
     normal_map = tree.nodes.new("ShaderNodeNormalMap")
     normal_map.convention = convention
     normal_map.uv_map = uv_map
@@ -55,26 +55,22 @@ def truth_material(
     facets = _facets(tree, surface, color=color, edge_tint=edge_tint, ior=ior, extinction=extinction)
     facets.distribution = "GGX" if surface == "DIELECTRIC" else distribution
     facets.inputs["Roughness"].default_value = roughness
-    output = tree.nodes.new("ShaderNodeOutputMaterial")
-
-    coordinates = tree.nodes.new("ShaderNodeUVMap")
-    coordinates.uv_map = uv_map
-    tree.links.new(coordinates.outputs["UV"], texture.inputs["Vector"])
     tree.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
     tree.links.new(normal_map.outputs["Normal"], facets.inputs["Normal"])
     shader = facets.outputs["BSDF"]
     if flake_color is not None:
-        _multiply(tree, facets.inputs[COLORS[surface]], _closest(tree, flake_color, coordinates).outputs["Color"])
+        _multiply(tree, facets.inputs[COLORS[surface]], _texture(tree, flake_color, coordinates).outputs["Color"])
     if presence is not None:
-        shader = _over_base(tree, shader, _closest(tree, presence, coordinates).outputs["Color"], base_color)
+        shader = _over_base(tree, shader, _texture(tree, presence, coordinates).outputs["Color"], base_color)
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
     tree.links.new(shader, output.inputs["Surface"])
     return material
 
 
-def _closest(tree, image, coordinates):
-    """An Image Texture node that reads single texels."""
+def _texture(tree, image, coordinates, interpolation="Closest"):
+    """An Image Texture node at the UVs of the node `coordinates`."""
     node = tree.nodes.new("ShaderNodeTexImage")
-    node.image, node.interpolation = image, "Closest"
+    node.image, node.interpolation = image, interpolation
     tree.links.new(coordinates.outputs["UV"], node.inputs["Vector"])
     return node
 

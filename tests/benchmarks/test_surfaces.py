@@ -27,5 +27,5 @@ def test_the_table_has_a_line_for_each_row():
 @pytest.mark.parametrize("case", ["flakes", "conductor"])
 def test_a_case_is_lit_in_either_method(case, method):
     scene = surfaces.dressed(case, "middle", method)
-    (picture,) = surfaces._pictures(scene, 64, 1)
+    (picture,) = surfaces.pictures(scene, 64, 1)
     assert picture.mean() > 0.0 and scene.cycles.shading_system == (method == "lobe")

@@ -96,14 +96,9 @@ def compare(
     outcome = Outcome(first, pictures(scene, *lobe), report)
 
     faults = _faults_of_lobe(outcome) or ([] if finite_only else _faults(outcome, lit))
-    record(
-        case=case,
-        outcome="; ".join(faults) or (f"finite only: {finite_only}" if finite_only else "agrees"),
-        nodes=outcome.nodes.mean(),
-        lobe=outcome.lobe.mean(),
-        deviations=outcome.deviations,
-        note=note,
-    )
+    verdict = "; ".join(faults) or (f"finite only: {finite_only}" if finite_only else "agrees")
+    record(case=case, outcome=verdict, nodes=outcome.nodes.mean(), lobe=outcome.lobe.mean(),
+           deviations=outcome.deviations, note=note)
     assert not faults, "; ".join(faults)
     return outcome
 
