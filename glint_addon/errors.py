@@ -9,6 +9,10 @@ class MapError(GlintError):
     """A normal map or image cannot be used (missing, unreadable, empty, not finite)."""
 
 
+class EditedError(MapError):
+    """A generated image was edited since, so that making it anew would lose what a user did."""
+
+
 class SceneError(GlintError):
     """The scene lacks something the job needs (object, UV map, material slot)."""
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..errors import GlintError, MapError
+from ..errors import EditedError, GlintError, MapError
 from ..generate import CLOSEST, Recipe, encoded, recipe_of_text, srgb
 from ..properties import GENERATED, GENERATED_COLOR, GENERATED_CONTENT, GENERATED_PART, GENERATED_PRESENCE
 
@@ -60,7 +60,8 @@ def new_generated_map(name: str, recipe: Recipe) -> bpy.types.Image:
 def show(image: bpy.types.Image, recipe: Recipe, shown: Pictures, *, overwrite: bool = False) -> None:
     """Let the images of a generated map show pictures of `recipe`; they remain the same data-blocks.
 
-    overwrite: also where a user edited them. Raises MapError for edited or linked images, and changes nothing then.
+    overwrite: also where a user edited them. Raises MapError for linked images and EditedError for edited ones; then
+    nothing has changed.
     """
     check_unchanged(image, overwrite=overwrite)
     _fill(image, shown.normal, recipe)
@@ -111,12 +112,13 @@ def flake_images(image: bpy.types.Image) -> dict[str, bpy.types.Image | None]:
 
 
 def check_unchanged(image: bpy.types.Image, *, overwrite: bool = False) -> None:
-    """Raise MapError if an image of a generated map is linked, or not what was generated, unless `overwrite`."""
+    """Raise MapError if an image of a generated map is linked, EditedError if it is not what was generated, unless
+    `overwrite`."""
     for each in (image, *parts(image).values()):
         if not each.is_editable:
             raise MapError(f'Image "{each.name}" is linked from another file: make it local to generate it again.')
         if not overwrite and GENERATED_CONTENT in each and is_edited(each):
-            raise MapError(f'Image "{each.name}" was edited after it was generated: choose Overwrite Edits to lose '
+            raise EditedError(f'Image "{each.name}" was edited after it was generated: choose Overwrite Edits to lose '
                            "that, or generate a new map.")
 
 

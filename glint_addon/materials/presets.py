@@ -21,7 +21,7 @@ from functools import cache
 from typing import Any
 
 from .. import paths
-from ..errors import GlintError, MapError
+from ..errors import GenerateError, GlintError, MapError
 from ..generate import Recipe, recipe_of_text
 
 
@@ -63,5 +63,5 @@ def _read(file) -> Preset:
         parts = json.loads(file.read_text(encoding="utf-8"))
         recipe = recipe_of_text(json.dumps(parts.pop("map")))
         return Preset(recipe=recipe, **parts)
-    except (OSError, ValueError, TypeError, KeyError) as error:
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, GenerateError) as error:
         raise GlintError(f"Preset {file.name} cannot be read ({error}): reinstall Glint.") from error

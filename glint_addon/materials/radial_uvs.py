@@ -5,15 +5,20 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from ..errors import SceneError
+
 
 def add_radial_uvs(mesh: bpy.types.Mesh, *, name="Radial", repeat=0.0) -> bpy.types.MeshUVLoopLayer:
     """Add, or fill, the UV map `name` of a mesh with circles around its own Z axis, and make it active for rendering.
 
     A unit is a metre of the mesh: v is the distance from the axis on faces that look along it, and the height on
     others; u is the way around at the mean distance of all. repeat: metres of a map's repeat, of which a whole number
-    then goes around, so that no seam is seen; 0: as it comes.
+    then goes around, so that no seam is seen; 0: as it comes. Raises SceneError if the mesh can have no more UV maps.
     """
     layer = mesh.uv_layers.get(name) or mesh.uv_layers.new(name=name)
+    if layer is None:
+        raise SceneError(f'Mesh "{mesh.name}" has {len(mesh.uv_layers)} UV maps, and Blender takes no more: remove one '
+                         "in Properties > Data > UV Maps.")
     count = len(mesh.loops)
     vertices = np.empty(3 * len(mesh.vertices))
     mesh.vertices.foreach_get("co", vertices)

@@ -38,6 +38,7 @@ class GLINT_OT_add_preset(FailsSoftly, bpy.types.Operator):
     def run(self, context):
         """Make the material and assign it."""
         from ..materials.create import create_glint_material
+        from ..materials.presets import preset_named
         from ..prepare.real_size import write_object_sizes
 
         target = context.object
@@ -45,7 +46,9 @@ class GLINT_OT_add_preset(FailsSoftly, bpy.types.Operator):
         material = create_glint_material(self.preset, preset=self.preset, uv_map=self.uv_map)
         assign(target, material)
         write_object_sizes(target, context.evaluated_depsgraph_get(), material)
-        self.report({"INFO"}, f'Gave "{material.name}" to {target.name}: press Prepare Glints before rendering')
+        is_radial = preset_named(self.preset).uvs == "RADIAL"
+        first = "give it UVs around its axis (Object > Radial UVs (Glint)), then " if is_radial else ""
+        self.report({"INFO"}, f'Gave "{material.name}" to {target.name}: {first}press Prepare Glints before rendering')
         return {"FINISHED"}
 
     def draw(self, context):

@@ -13,7 +13,7 @@ from ..materials.find import glint_groups
 from ..materials.replace_group import follow_generated
 from ..nodes.map_binding import map_of
 from .failing_softly import FailsSoftly
-from .generated_settings import RESOLUTIONS, changed, fill, kind_settings, recipe_from, unheard
+from .generated_settings import RESOLUTIONS, changed, fill, kind_settings, recipe_from, set_problem, unheard
 
 # What a new map begins with, by the value of the operator's Kind: the kinds, then named sets of their settings.
 STARTS: dict[str, Generator] = {kind: cls() for kind, cls in GENERATORS.items()}
@@ -90,7 +90,7 @@ class GLINT_OT_regenerate_map(FailsSoftly, bpy.types.Operator):
         recipe = recipe_from(image.glint)
         show(image, recipe, pictures(recipe, name=image.name), overwrite=self.overwrite)
         follow_generated(image)
-        image.glint.problem = ""
+        set_problem(image.glint, None)
         return {"FINISHED"}
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 from bpy.props import (
+    BoolProperty,
     CollectionProperty,
     EnumProperty,
     FloatProperty,
@@ -16,6 +17,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..errors import EditedError, GlintError
 from ..generate import GENERATORS, Coloring, Population, Recipe, Setting, Stop, settings_of
 
 SUBTYPES = {"LENGTH": "DISTANCE", "ANGLE": "ANGLE", "FACTOR": "FACTOR", "NUMBER": "NONE"}
@@ -101,10 +103,16 @@ class GLINT_PG_generated(bpy.types.PropertyGroup):
     )
     coloring: PointerProperty(type=GLINT_PG_coloring)
     problem: StringProperty(name="Problem", description="Why the map does not show its settings")
+    is_edited: BoolProperty(name="Edited", description="Whether the problem is that a user edited the map")
     __annotations__.update({kind.lower(): PointerProperty(type=group) for kind, group in KIND_GROUPS.items()})
 
 
 classes = (*(group for _, group in PART_GROUPS.values()), *KIND_GROUPS.values(), GLINT_PG_coloring, GLINT_PG_generated)
+
+
+def set_problem(state: GLINT_PG_generated, error: GlintError | None):
+    """Let the panel say why a map does not show its settings, or with None that it does."""
+    state.problem, state.is_edited = str(error or ""), isinstance(error, EditedError)
 
 
 def kind_settings(state: GLINT_PG_generated):

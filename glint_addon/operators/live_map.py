@@ -15,7 +15,7 @@ from ..errors import GlintError
 from ..generate import Recipe
 from ..images import Pictures, check_unchanged, is_generated_map, is_preview, pictures, show
 from ..materials.replace_group import follow_generated
-from .generated_settings import complete, listen, listen_no_more, recipe_from
+from .generated_settings import complete, listen, listen_no_more, recipe_from, set_problem
 
 PREVIEW = 256  # texels a side of the small map: most kinds take less than a tenth of a second
 DELAY = 0.4  # seconds without a change after which the full map is made: a drag with the mouse pauses for less
@@ -67,9 +67,9 @@ def make(image: bpy.types.Image, recipe: Recipe, resolution: int | None = None) 
         show(image, recipe, pictures(recipe, resolution, image.name))
         follow_generated(image)
     except GlintError as error:
-        image.glint.problem = str(error)
+        set_problem(image.glint, error)
         return False
-    image.glint.problem = ""
+    set_problem(image.glint, None)
     return True
 
 
@@ -126,7 +126,7 @@ def _end():
     try:
         show(image, recipe, made.result())
     except GlintError as error:
-        image.glint.problem = str(error)
+        set_problem(image.glint, error)
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             area.tag_redraw()

@@ -3,10 +3,11 @@
 import bpy
 
 from ..materials.radial_uvs import add_radial_uvs
+from .failing_softly import FailsSoftly
 
 
-class GLINT_OT_add_radial_uvs(bpy.types.Operator):
-    """Add a UV map whose u runs around the Z axis of each selected object, for turned and radially brushed metal"""
+class GLINT_OT_add_radial_uvs(FailsSoftly, bpy.types.Operator):
+    """Add or fill the UV map Radial: u runs around the Z axis of each selected object, as turned metal wants it"""
 
     bl_idname = "glint.add_radial_uvs"
     bl_label = "Radial UVs (Glint)"
@@ -27,7 +28,7 @@ class GLINT_OT_add_radial_uvs(bpy.types.Operator):
             return True
         return False
 
-    def execute(self, context):
+    def run(self, context):
         """Add the UV map to each mesh once."""
         meshes = {each.data for each in context.selected_objects if _takes_uvs(each)}
         for mesh in meshes:

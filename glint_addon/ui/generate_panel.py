@@ -32,6 +32,7 @@ def draw_map(layout, context, image):
     layout.label(text=image.name, icon="IMAGE_DATA")
     if state.problem:
         draw_sentence(layout, context, state.problem, "ERROR")
+    if state.is_edited:
         operator = layout.operator("glint.regenerate_map", text="Overwrite Edits", icon="FILE_REFRESH")
         operator.image, operator.overwrite = image.name, True
     if is_coming(image):

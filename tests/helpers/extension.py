@@ -7,6 +7,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+import pytest
 
 MAP_SIZE = 32  # texels; small enough that baking takes no time
 MAP_TILT = 0.3  # standard deviation of the slopes: most facets turn away from a light overhead
@@ -52,3 +53,14 @@ def shader_editor(tree):
             yield space
     finally:
         area.ui_type = kind
+
+
+def refused(operator, **settings) -> str:
+    """The sentence with which `operator` refuses; the file must not change meanwhile."""
+    before = data_names()
+    with pytest.raises(RuntimeError) as error:
+        operator(**settings)
+    assert data_names() == before
+    sentence = str(error.value).strip().removeprefix("Error: ")
+    assert sentence.endswith(".") and "\n" not in sentence and ": " in sentence, sentence
+    return sentence

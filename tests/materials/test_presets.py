@@ -4,9 +4,10 @@ import bpy
 import pytest
 
 import glint_addon
-from glint_addon import create_glint_material
-from glint_addon.errors import MapError
+from glint_addon import create_glint_material, paths
+from glint_addon.errors import GlintError, MapError
 from glint_addon.materials.find import glint_groups
+from glint_addon.materials.presets import presets
 from glint_addon.nodes.glint_bsdf import group_binding
 from tests.helpers.extension import data_names, write_flake_map
 
@@ -77,6 +78,17 @@ def test_every_preset_makes_a_material_and_describes_itself(scene, name):
     preset = glint_addon.presets()[name]
     assert preset.name == name and preset.category and preset.description
     assert glint_groups(create_glint_material(name, preset=name))
+
+
+@pytest.mark.parametrize("contents", [
+    "{", "[]", '{"name": "Ruby"}', '{"name": "Ruby", "map": {"generator": {"kind": "GEMS"}}}',
+    '{"name": "Ruby", "category": "", "description": "", "map": {"generator": {"kind": "FLAKES"}}, "glitter": 1}',
+])
+def test_a_file_that_is_no_preset_is_named(tmp_path, monkeypatch, contents):
+    (tmp_path / "ruby.json").write_text(contents)
+    monkeypatch.setattr(paths, "preset_folder", lambda: tmp_path)
+    with pytest.raises(GlintError, match=r"Preset ruby.json cannot be read \(.*reinstall Glint"):
+        presets.__wrapped__()
 
 
 def test_a_preset_that_fails_leaves_nothing_behind(scene):

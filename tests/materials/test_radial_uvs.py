@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import glint_addon
+from tests.helpers.extension import refused
 
 FLOAT_ERROR = 1e-5  # UVs are 32-bit floats of about 1
 
@@ -70,3 +71,12 @@ def test_the_operator_serves_each_selected_mesh_once(registered, scene):
     assert [layer.name for layer in mesh.uv_layers].count("Radial") == 1
     bpy.ops.object.select_all(action="DESELECT")
     assert not bpy.ops.glint.add_radial_uvs.poll()
+
+
+def test_a_mesh_full_of_uv_maps_is_refused_in_a_sentence(registered, scene):
+    mesh = disc(scene)
+    while mesh.uv_layers.new():
+        pass
+    names = [layer.name for layer in mesh.uv_layers]
+    assert "Blender takes no more: remove one" in refused(bpy.ops.glint.add_radial_uvs)
+    assert [layer.name for layer in mesh.uv_layers] == names

@@ -16,7 +16,7 @@ from glint_addon.operators.generated_settings import KIND_GROUPS, fill, kind_set
 from glint_addon.properties import GENERATED_COLOR, GENERATED_PRESENCE
 from glint_addon.ui.generate_panel import GLINT_PT_generate
 from tests.helpers import cycles
-from tests.helpers.extension import data_names
+from tests.helpers.extension import refused
 from tests.helpers.panel import words_of
 
 pytestmark = pytest.mark.usefixtures("registered", "scene")
@@ -26,15 +26,6 @@ def generated(**settings) -> bpy.types.Image:
     """The map that the operator makes, small unless `settings` say otherwise."""
     assert bpy.ops.glint.generate_map(**{"kind": "BUMPS", "resolution": "64", **settings}) == {"FINISHED"}
     return bpy.context.scene.glint.normal_map
-
-
-def refused(operator, **settings) -> str:
-    """The sentence with which an operator refuses; nothing may be made."""
-    before = data_names()
-    with pytest.raises(RuntimeError) as error:
-        operator(**settings)
-    assert data_names() == before
-    return str(error.value).strip().removeprefix("Error: ")
 
 
 def presence(image) -> float:

@@ -14,7 +14,7 @@ from glint_addon.nodes.map_choices import IMAGE_NODE
 from glint_addon.nodes.places import DEFAULT_COUNT, count_node, count_of
 from glint_addon.nodes.scale import metres_property, scale_nodes, uv_map_of
 from tests.helpers import cycles, map_sets
-from tests.helpers.extension import data_names, shader_editor, write_flake_map
+from tests.helpers.extension import refused, shader_editor, write_flake_map
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -31,17 +31,6 @@ def plane(scene):
 def flake_map(tmp_path):
     """Path of a small normal map."""
     return write_flake_map(tmp_path / "flakes.png")
-
-
-def refused(operator, **settings) -> str:
-    """The sentence with which `operator` refuses; the file must not change meanwhile."""
-    before = data_names()
-    with pytest.raises(RuntimeError) as error:
-        operator(**settings)
-    assert data_names() == before
-    sentence = str(error.value).strip().removeprefix("Error: ")
-    assert sentence.endswith(".") and "\n" not in sentence and ": " in sentence, sentence
-    return sentence
 
 
 def greyed(operator) -> str:

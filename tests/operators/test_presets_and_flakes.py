@@ -46,6 +46,13 @@ def test_a_preset_is_one_press(plane):
     assert "glint_uv_metres" in plane
 
 
+def test_a_turned_metal_says_which_uvs_it_wants(plane, capsys):
+    bpy.ops.glint.add_preset(preset="Brushed Steel")
+    assert "Radial UVs" not in capsys.readouterr().out
+    bpy.ops.glint.add_preset(preset="Brushed Aluminium")
+    assert "give it UVs around its axis (Object > Radial UVs (Glint)), then press Prepare" in capsys.readouterr().out
+
+
 def test_a_generated_map_brings_its_flakes_and_its_size(plane):
     image = generated()
     assert bpy.ops.glint.add_material() == {"FINISHED"}

@@ -52,3 +52,7 @@ def test_what_stands_in_the_way_is_said_with_a_button():
     image.glint.bumps.slope = 0.3
     seen = words_of(GLINT_PT_generate, width=2000)
     assert any("was edited after it was generated" in words for words in seen) and "[Overwrite Edits]" in seen
+    bpy.ops.glint.regenerate_map(overwrite=True)
+    image.glint.bumps.wavelength = 0.5
+    seen = words_of(GLINT_PT_generate, width=2000)
+    assert any("do not fit twice into" in words for words in seen) and "[Overwrite Edits]" not in seen
