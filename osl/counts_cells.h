@@ -100,9 +100,10 @@ void cover_region(HalfVector hint, float alpha, output Cells cells)
   float inward = region + (hint.radius - region) * dot(hint.h, I);
   float x = dot(hint.t1, I);
   float y = dot(hint.t2, I);
-  float scale = 1.0 / max(hypot(x, y), 1e-6);
-  x *= scale;
-  y *= scale;
+  /* Where the light stands behind the eye all directions are in the plane of incidence. */
+  float across = hypot(x, y);
+  x = across > 1e-6 ? x / across : 1.0;
+  y = across > 1e-6 ? y / across : 0.0;
   cells.reach1 = hypot(inward * (x * cells.a11 + y * cells.a12), hint.radius * (x * cells.a12 - y * cells.a11));
   cells.reach2 = hypot(inward * (x * cells.a21 + y * cells.a22), hint.radius * (x * cells.a22 - y * cells.a21));
 }

@@ -26,7 +26,7 @@ from .scene_lights import HINT_COUNT
 
 # Of the hidden groups, and part of their names: groups of an older version keep theirs until they are brought up to
 # date, and Blender drops what nobody uses when it saves the file.
-VERSION = 3
+VERSION = 4
 DEFAULT_COUNT, LARGEST_COUNT = 16, 64  # places of a sample
 # Importance below which a normal is left to the plain part of the sum: higher, and that part's noise shows; lower, and
 # the weight of a rare normal grows: decision 59.
@@ -321,7 +321,10 @@ def _half_vector(group, given):
     light = add_math(group, "NORMALIZE", towards, vector=True)
     whole = add_math(group, "ADD", light, view, vector=True)
     length = add_math(group, "LENGTH", whole, vector=True)
-    outwards = add_math(group, "NORMALIZE", add_math(group, "CROSS_PRODUCT", light, view, vector=True), vector=True)
+    # Where the light stands behind the eye all directions are in the plane of incidence: the tangent's is taken.
+    across = add_math(group, "CROSS_PRODUCT", light, view, vector=True)
+    across = add_math(group, "MULTIPLY_ADD", given["Tangent"], (1e-6, 1e-6, 1e-6), across, vector=True)
+    outwards = add_math(group, "NORMALIZE", across, vector=True)
     inwards = add_math(group, "CROSS_PRODUCT", outwards, add_math(group, "NORMALIZE", whole, vector=True), vector=True)
     alpha = add_math(group, "POWER", given["Roughness"], 2.0)
     # An angle a between lights is one of a / |l + v| between half vectors across the plane of incidence, a / 2 in it.

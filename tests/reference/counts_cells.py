@@ -57,7 +57,8 @@ def cover_region(a, h, t1, t2, view, radius, alpha):
     region = REGION * alpha
     inward = region + (radius - region) * np.einsum("nk,nk->n", h, view)
     plane = np.stack([np.einsum("nk,nk->n", t, view) for t in (t1, t2)], axis=1)
-    plane /= np.linalg.norm(plane, axis=1, keepdims=True)
+    length = np.linalg.norm(plane, axis=1, keepdims=True)
+    plane = np.where(length > 1e-6, plane / np.maximum(length, 1e-6), [1.0, 0.0])
     across = np.stack([-plane[:, 1], plane[:, 0]], axis=1)
     return np.linalg.norm(a @ np.stack([inward[:, None] * plane, radius[:, None] * across], axis=2), axis=2)
 
