@@ -105,8 +105,8 @@ SlopeLobe cell_lobe(Query query, int k, Cells cells, float bins, Grid grid, Mass
  * they propose: decision 72. */
 void counts_query(output Map map, Level level, Query query, Cells cells[HINT_COUNT], output Selection s)
 {
-  Blocks blocks = blocks_under(level, query);
-  Groups groups = drawn_groups(blocks, level, query);
+  Blocks blocks = blocks_under(map, level, query);
+  Groups groups = drawn_groups(blocks, map, level, query);
   for (int k = 0; k < query.hint_count; ++k) {
     /* Read the hint's cells once, and the parts of the peak in a second pass if there is one. */
     Cells own = cells[k];
@@ -146,10 +146,9 @@ int hit_is_counted(Query query, Cells cells[HINT_COUNT], Level level, Map map, H
     return 0;
   }
   /* Take the turn in the middle of the hit's group: the counts turn all of a group alike. */
-  int i = wrapped((int)hit.i, map.width);
-  int j = wrapped((int)hit.j, map.height);
-  float offset_u = (((i + 1) * level.columns - 1) / map.width + 0.5) * level.group_u - i - (hit.u - hit.i);
-  float offset_v = (((j + 1) * level.rows - 1) / map.height + 0.5) * level.group_v - j - (hit.v - hit.j);
+  float offset_u = (((hit.column + 1) * level.columns - 1) / map.width + 0.5) * level.group_u - hit.column -
+                   (hit.u - hit.i);
+  float offset_v = (((hit.row + 1) * level.rows - 1) / map.height + 0.5) * level.group_v - hit.row - (hit.v - hit.j);
   for (int k = 0; k < query.hint_count; ++k) {
     /* Copy in two steps: OSL's compiler misreads a struct within an array's element. */
     Cells own = cells[k];

@@ -29,8 +29,10 @@ struct Blocks {
 
 /* A group that a sample reads, and the weights of its blocks: three in `weight`, that of the fourth in `fourth`. */
 struct Group {
-  int column;
+  int column; /* in the plane in which the map repeats as in the group's tile, */
   int row;
+  int shift_u; /* and texels from there to the plane of the hit point */
+  int shift_v;
   color weight;
   float fourth;
 };
@@ -41,9 +43,17 @@ struct Groups {
   float total; /* sum of the weights of all groups, drawn or not */
 };
 
+/* Whether a part of the plane so far around the hit lies in another tile that shows another cut of the map. */
+int leaves_tile(Map map, Query query, float reach_u, float reach_v)
+{
+  float u = query.u - map.cut_u;
+  float v = query.v - map.cut_v;
+  return map.variation && (u < reach_u || v < reach_v || u + reach_u > map.width || v + reach_v > map.height);
+}
+
 /* A block's weight is the kernel's mean over the block, which is the value of a kernel widened by the block's variance
  * in the block's middle: decision 19. */
-Blocks blocks_under(Level level, Query query)
+Blocks blocks_under(Map map, Level level, Query query)
 {
   Blocks blocks;
   blocks.side_u = 0.5 * level.group_u;
@@ -58,23 +68,26 @@ Blocks blocks_under(Level level, Query query)
   blocks.first_row = (int)floor((query.v - reach_v) / level.group_v);
   blocks.columns = (int)floor((query.u + reach_u) / level.group_u) - blocks.first_column + 1;
   int rows = (int)floor((query.v + reach_v) / level.group_v) - blocks.first_row + 1;
-  /* Multiply as floats, because an int overflows for very far footprints. */
-  blocks.is_random = (float)blocks.columns * rows > MOST_GROUPS;
+  /* Multiply as floats, because an int overflows for very far footprints. Other tiles show other groups. */
+  blocks.is_random = (float)blocks.columns * rows > MOST_GROUPS || leaves_tile(map, query, reach_u, reach_v);
   blocks.is_thin = max(blocks.side_u, blocks.side_v) > query.footprint.short_axis;
   blocks.groups = !blocks.is_random ? blocks.columns * rows : level.columns * level.rows == 1 ? 1 : FAR_GROUPS;
   return blocks;
 }
 
 /* The group at a random point of the footprint, the g-th. */
-Group random_group(Blocks blocks, Level level, Query query, int g)
+Group random_group(Blocks blocks, Map map, Level level, Query query, int g)
 {
   float x, y;
   float a = query.random[0] + g * PLASTIC_1;
   float b = query.random[1] + g * PLASTIC_2;
   footprint_sample(a - floor(a), b - floor(b), x, y);
-  float place_u = (query.u + query.footprint.ux * x + query.footprint.uy * y) / level.group_u;
-  float place_v = (query.v + query.footprint.vx * x + query.footprint.vy * y) / level.group_v;
+  float point_u = query.u + query.footprint.ux * x + query.footprint.uy * y;
+  float point_v = query.v + query.footprint.vx * x + query.footprint.vy * y;
   Group group;
+  tile_shift(map, (int)floor(point_u), (int)floor(point_v), group.shift_u, group.shift_v);
+  float place_u = (point_u - group.shift_u) / level.group_u;
+  float place_v = (point_v - group.shift_v) / level.group_v;
   group.column = (int)floor(place_u);
   group.row = (int)floor(place_v);
   int block = (place_u - group.column < 0.5 ? 0 : 1) + (place_v - group.row < 0.5 ? 0 : 2);
@@ -87,6 +100,8 @@ Group random_group(Blocks blocks, Level level, Query query, int g)
 Group group_under(Blocks blocks, Level level, Query query, int g)
 {
   Group group;
+  group.shift_u = 0;
+  group.shift_v = 0;
   group.column = blocks.first_column + g % blocks.columns;
   group.row = blocks.first_row + g / blocks.columns;
   float left = (group.column + 0.25) * level.group_u - query.u;
@@ -123,7 +138,7 @@ float sure_weight(float weights[MOST_GROUPS], int count, int read, float total)
 
 /* Draw the groups to read from those under a footprint. The weights of the drawn groups add up to the weight of all, so
  * an even map looks the same whichever groups are drawn. */
-Groups drawn_groups(Blocks blocks, Level level, Query query)
+Groups drawn_groups(Blocks blocks, Map map, Level level, Query query)
 {
   Groups groups;
   groups.count = 0;
@@ -132,7 +147,7 @@ Groups drawn_groups(Blocks blocks, Level level, Query query)
   for (int g = 0; g < blocks.groups; ++g) {
     Group group;
     if (blocks.is_random) {
-      group = random_group(blocks, level, query, g);
+      group = random_group(blocks, map, level, query, g);
     }
     else {
       group = group_under(blocks, level, query, g);

@@ -133,8 +133,8 @@ void grid_masses(output Map map, Level level, Query query, int k, Cells cells, G
   for (int g = 0; g < groups.count; ++g) {
     Group group = groups.group[g];
     float sum = group.weight[0] + group.weight[1] + group.weight[2] + group.fourth;
-    float middle_u = (group.column + 0.5) * level.group_u - query.u;
-    float middle_v = (group.row + 0.5) * level.group_v - query.v;
+    float middle_u = (group.column + 0.5) * level.group_u + group.shift_u - query.u;
+    float middle_v = (group.row + 0.5) * level.group_v + group.shift_v - query.v;
     Reading reading;
     reading.group = group;
     cell_move(hint, cells, middle_u, middle_v, reading.move1, reading.move2);

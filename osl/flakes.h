@@ -119,8 +119,8 @@ FlakesAround flakes_around(output Map map, Hit hit, Footprint footprint)
   float weights = 0.0;
   for (int tap = 0; tap < taps; ++tap) {
     float place = COVERAGE_SIDE * ((tap + 0.5) / taps - 0.5);
-    int i = wrapped((int)floor(hit.u + place * along_u), map.width);
-    int j = wrapped((int)floor(hit.v + place * along_v), map.height);
+    int i, j;
+    map_texel(map, (int)floor(hit.u + place * along_u), (int)floor(hit.v + place * along_v), i, j);
     float part = 0;
     color mean = 1.0;
     if (level > 0) {
@@ -169,8 +169,8 @@ void add_flakes(View view, output Map map, output Hit hit)
 color merged_color(output Map map, Hit hit, float slope1, float slope2)
 {
   int columns = flakes_regions(map.width);
-  int region_u = wrapped((int)hit.i, map.width) * columns / map.width;
-  int region_v = wrapped((int)hit.j, map.height) * flakes_regions(map.height) / map.height;
+  int region_u = hit.column * columns / map.width;
+  int region_v = hit.row * flakes_regions(map.height) / map.height;
   int bin1 = (int)clamp(slope1 * FLAKES_BINS, 0.0, FLAKES_BINS - 1.0);
   int bin2 = (int)clamp(slope2 * FLAKES_BINS, 0.0, FLAKES_BINS - 1.0);
   int region = region_v * columns + region_u;

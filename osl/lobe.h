@@ -141,7 +141,7 @@ closure color patch_closure(Query query, output Map map, Hit hit, NormalFrame fr
   PatchPart part = { hit.u - hit.i, hit.v - hit.j, deviation * query.footprint.ux, deviation * query.footprint.vx,
                      deviation * query.footprint.uy, deviation * query.footprint.vy };
   SlopeLobe lobe = { 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0 };
-  spread_over_part(around, map_patch(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height)), part, lobe);
+  spread_over_part(around, map_patch(map, hit.column, hit.row), part, lobe);
   return glint_closure(query.facet, 1.0, color(1.0), around, lobe);
 }
 

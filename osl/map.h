@@ -3,6 +3,7 @@
 
 #include "counters.h"
 #include "table.h"
+#include "tiles.h"
 
 /* The table of counts of the map's slopes: see counts_table.h. */
 struct Counts {
@@ -38,6 +39,12 @@ struct Map {
   string index; /* table of slope_index.h */
   int is_indexed; /* whether the index exists */
   MapFlakes flakes;
+  int variation; /* one of VARIATION_..., 0: the map repeats as it is */
+  /* Number of the tile of the hit point, and its cut: see tiles.h. */
+  int tile_u;
+  int tile_v;
+  int cut_u;
+  int cut_v;
   int visits;     /* most elements that a sample visits (query.h), up to LARGEST_VISIT */
   /* Right corners of the patch that was fetched before, which are the left corners of the next patch in its row. */
   int kept;    /* row times map width plus column of these corners plus 1; 0: no corners are kept */
@@ -54,10 +61,14 @@ struct FlakesAround {
 
 /* The map at the hit point. */
 struct Hit {
-  float u;         /* texel coordinates; for Linear less half a texel, so that patches start at whole numbers */
+  /* Texel coordinates in a plane in which the map repeats as the tile of the hit point shows it, but for other tiles;
+   * for Linear less half a texel, so that patches start at whole numbers. */
+  float u;
   float v;
   float i;         /* whole parts of u and v: the texel or patch */
   float j;
+  int column;      /* that texel in the table */
+  int row;
   vector n;        /* tangent-space normal, not normalised */
   vector unscaled; /* tangent-space normal as the map stores it, without Strength */
   int is_flake;    /* else n and unscaled are 0 */
@@ -149,16 +160,52 @@ int patch_rows(Patch patch, float alpha)
   return patch_parts(patch.n00, patch.n01, patch.n10, patch.n11, alpha);
 }
 
+/* Texels from the plane in which the map repeats as in the tile of texel (column, row) to the plane of the hit point
+ * (see Hit). */
+void tile_shift(Map map, int column, int row, output int shift_u, output int shift_v)
+{
+  shift_u = 0;
+  shift_v = 0;
+  if (map.variation) {
+    int right = tile_of(column - map.cut_u, map.width);
+    int up = tile_of(row - map.cut_v, map.height);
+    if (right || up) {
+      int cut_u, cut_v;
+      tile_cut(map.tile_u + right, map.tile_v + up, map.width, map.height, cut_u, cut_v);
+      shift_u = map.cut_u - cut_u;
+      shift_v = map.cut_v - cut_v;
+    }
+  }
+}
+
+/* The texel (i, j) of the table that texel (column, row) of the plane of the hit point shows. */
+void map_texel(Map map, int column, int row, output int i, output int j)
+{
+  int shift_u, shift_v;
+  tile_shift(map, column, row, shift_u, shift_v);
+  i = wrapped(column - shift_u, map.width);
+  j = wrapped(row - shift_v, map.height);
+}
+
 /* The map at UV coordinates, which are reduced to one repeat first, because large UVs would lose precision. */
 Hit map_hit(output Map map, point uv)
 {
+  map.tile_u = (int)floor(uv[0]);
+  map.tile_v = (int)floor(uv[1]);
+  map.cut_u = 0;
+  map.cut_v = 0;
+  if (map.variation) {
+    tile_cut(map.tile_u, map.tile_v, map.width, map.height, map.cut_u, map.cut_v);
+  }
   Hit hit;
-  hit.u = (uv[0] - floor(uv[0])) * map.width - (map.is_linear ? 0.5 : 0.0);
-  hit.v = (uv[1] - floor(uv[1])) * map.height - (map.is_linear ? 0.5 : 0.0);
+  hit.u = map.cut_u + (uv[0] - floor(uv[0])) * map.width - (map.is_linear ? 0.5 : 0.0);
+  hit.v = map.cut_v + (uv[1] - floor(uv[1])) * map.height - (map.is_linear ? 0.5 : 0.0);
   hit.i = floor(hit.u);
   hit.j = floor(hit.v);
+  hit.column = wrapped((int)hit.i, map.width);
+  hit.row = wrapped((int)hit.j, map.height);
   if (!map.is_linear) {
-    hit.unscaled = unscaled_normal(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
+    hit.unscaled = unscaled_normal(map, hit.column, hit.row);
   }
   else if (hit.i >= 0 && hit.j >= 0 && hit.i + 1 < map.width && hit.j + 1 < map.height) {
     map.costs.fetches += 1;
@@ -170,8 +217,7 @@ Hit map_hit(output Map map, point uv)
     Map plain = map;
     plain.strength = 1.0;
     plain.kept = 0;
-    hit.unscaled = patch_normal(map_patch(plain, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height)),
-                                hit.u - hit.i, hit.v - hit.j);
+    hit.unscaled = patch_normal(map_patch(plain, hit.column, hit.row), hit.u - hit.i, hit.v - hit.j);
     map.costs.fetches = plain.costs.fetches;
   }
   hit.is_flake = is_flake(map, hit.unscaled);

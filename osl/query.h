@@ -26,7 +26,7 @@
 #define PLASTIC_2 0.5698402909980532
 
 struct Query {
-  float u; /* the hit's texel coordinates */
+  float u; /* the hit's texel coordinates: see Hit */
   float v;
   Footprint footprint;
   int is_on_grid; /* whether the footprint follows the pixel grid (pixel_grid.h) */
@@ -144,7 +144,7 @@ int hit_is_selected(Query query, output Map map, Hit hit, int mode)
   float offset_v = 0.0;
   Patch patch;
   if (map.is_linear) {
-    patch = map_patch(map, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
+    patch = map_patch(map, hit.column, hit.row);
   }
   if (map.is_linear && mode != MODE_POINTS) {
     int columns = patch_columns(patch, query.facet.alpha);

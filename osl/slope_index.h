@@ -30,9 +30,22 @@ struct Block {
   int plane_row;
   int columns;      /* texels of the block along u and v */
   int rows;
+  /* Texels of the plane that lie in the tile whose cut of the map the block is of, as far as the footprint goes. */
+  int first_u;
+  int last_u;
+  int first_v;
+  int last_v;
   int record;       /* texel of the list where the block's record begins */
   int is_listed;    /* whether its elements are listed, or all its texels are taken row by row */
 };
+
+/* Whether texel (x, y) of a block is seen, not one of another tile in its place. */
+int is_in_tile(Block block, int x, int y)
+{
+  int column = block.plane_column + x;
+  int row = block.plane_row + y;
+  return column >= block.first_u && column <= block.last_u && row >= block.first_v && row <= block.last_v;
+}
 
 /* Visit the elements `start` to `end` of a block for hint k. */
 void visit_listed(output Map map, Index index, Query query, Block block, int k, int start, int end, output Selection s)
@@ -56,7 +69,7 @@ void visit_listed(output Map map, Index index, Query query, Block block, int k, 
       float du = block.plane_column + x + 0.5 - query.u;
       float dv = block.plane_row + y + 0.5 - query.v;
       visit.weight = footprint_kernel(ellipse_square(block.ellipse, du, dv));
-      if (visit.weight > 0.0 && x < block.columns) {
+      if (visit.weight > 0.0 && x < block.columns && (!map.variation || is_in_tile(block, x, y))) {
         map.costs.visited += 1;
         visit.i = block.column + x;
         visit.j = block.row + y;
@@ -136,23 +149,19 @@ void visit_block(output Map map, Index index, Query query, output Block block, i
   }
 }
 
-/* As visit_elements, but visits only the candidates of the index. */
-float index_query(output Map map, Query query, output Selection s)
+/* Visit the candidates of the blocks from first_u, first_v to last_u, last_v; shift_u, shift_v: see tile_shift. */
+void visit_blocks(output Map map, Index index, Query query, output Block block, int shift_u, int shift_v,
+                  output Selection s)
 {
-  Index index = map_index(map.index, map.width, map.height);
-  Block block;
-  Ellipse ellipse = footprint_ellipse(query.footprint, 0.0, 0.0);
-  block.ellipse = ellipse;
+  Ellipse ellipse = block.ellipse;
   for (int k = 0; k < query.hint_count; ++k) {
     int place_v;
-    for (int j = block_start((int)floor(query.v - ellipse.reach_v), map.height, place_v);
-         j <= query.v + ellipse.reach_v;) {
+    for (int j = block_start(block.first_v - shift_v, map.height, place_v) + shift_v; j <= block.last_v;) {
       block.row = INDEX_SIDE * place_v;
       block.plane_row = j;
       block.rows = min(map.height - block.row, INDEX_SIDE);
       int place_u;
-      for (int i = block_start((int)floor(query.u - ellipse.reach_u), map.width, place_u);
-           i <= query.u + ellipse.reach_u;) {
+      for (int i = block_start(block.first_u - shift_u, map.width, place_u) + shift_u; i <= block.last_u;) {
         block.column = INDEX_SIDE * place_u;
         block.plane_column = i;
         block.columns = min(map.width - block.column, INDEX_SIDE);
@@ -168,6 +177,37 @@ float index_query(output Map map, Query query, output Selection s)
       }
       j += block.rows;
       place_v = place_v + 1 < index.rows ? place_v + 1 : 0;
+    }
+  }
+}
+
+/* As visit_elements, but visits only the candidates of the index. */
+float index_query(output Map map, Query query, output Selection s)
+{
+  Index index = map_index(map.index, map.width, map.height);
+  Block block;
+  Ellipse ellipse = footprint_ellipse(query.footprint, 0.0, 0.0);
+  block.ellipse = ellipse;
+  int first_u = (int)floor(query.u - ellipse.reach_u);
+  int first_v = (int)floor(query.v - ellipse.reach_v);
+  int last_u = (int)floor(query.u + ellipse.reach_u);
+  int last_v = (int)floor(query.v + ellipse.reach_v);
+  /* Go through the tiles under the footprint, which are all one where they do not differ. */
+  int left = map.variation ? tile_of(first_u - map.cut_u, map.width) : 0;
+  int right = map.variation ? tile_of(last_u - map.cut_u, map.width) : 0;
+  int low = map.variation ? tile_of(first_v - map.cut_v, map.height) : 0;
+  int high = map.variation ? tile_of(last_v - map.cut_v, map.height) : 0;
+  for (int up = low; up <= high; ++up) {
+    for (int along = left; along <= right; ++along) {
+      int column = map.cut_u + along * map.width;
+      int row = map.cut_v + up * map.height;
+      int shift_u, shift_v;
+      tile_shift(map, column, row, shift_u, shift_v);
+      block.first_u = map.variation ? max(first_u, column) : first_u;
+      block.first_v = map.variation ? max(first_v, row) : first_v;
+      block.last_u = map.variation ? min(last_u, column + map.width - 1) : last_u;
+      block.last_v = map.variation ? min(last_v, row + map.height - 1) : last_v;
+      visit_blocks(map, index, query, block, shift_u, shift_v, s);
     }
   }
   /* Return the kernel's integral, which is the expectation of its sum over the elements. */

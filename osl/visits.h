@@ -110,6 +110,13 @@ void visit_patch(output Map map, Query query, Visit visit, output Selection s)
   }
 }
 
+/* The column of the plane at which the tile to the right of texel column `column` begins; an earlier one if all tiles
+ * show the same. */
+int next_border(Map map, int column)
+{
+  return map.variation ? map.cut_u + (tile_of(column - map.cut_u, map.width) + 1) * map.width : column;
+}
+
 /* Visit all elements of the footprint row by row. Lighter patches than `sure` are drawn at random. Returns the sum of
  * the kernel's weights over all elements: selected weights are relative to this sum. */
 float visit_rows(output Map map, Query query, float sure, output Selection s)
@@ -127,10 +134,13 @@ float visit_rows(output Map map, Query query, float sure, output Selection s)
     float middle = query.u - offset / ellipse.quu - 0.5;
     int last_column = (int)floor(middle + half_width);
     int column = (int)ceil(middle - half_width);
-    visit.i = wrapped(column, map.width);
-    visit.j = wrapped(row, map.height);
+    int border = column; /* where another tile begins */
     visit.offset_v = dv - to_corner;
     for (; column <= last_column; ++column) {
+      if (column == border) {
+        map_texel(map, column, row, visit.i, visit.j);
+        border = next_border(map, column);
+      }
       float du = column + 0.5 - query.u;
       visit.weight = footprint_kernel(ellipse_square(ellipse, du, dv));
       total += visit.weight;
@@ -172,8 +182,7 @@ float visit_points(output Map map, Query query, int points, int is_thin, output 
     float point_v = query.v + footprint.vx * x + footprint.vy * y;
     float column = floor(point_u);
     float row = floor(point_v);
-    visit.i = wrapped((int)column, map.width);
-    visit.j = wrapped((int)row, map.height);
+    map_texel(map, (int)column, (int)row, visit.i, visit.j);
     map.costs.visited += 1;
     if (map.is_linear) {
       visit.place.a = point_u - column;

@@ -6,7 +6,7 @@ import bpy
 
 from ..errors import MapError
 from ..nodes.glint_bsdf import ROUGHNESS, STRENGTH
-from ..nodes.map_choices import CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION, SURFACE
+from ..nodes.map_choices import CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION, SURFACE, VARIATION
 from .build import built_material
 from .preset_material import preset_material
 from .presets import preset_named
@@ -24,6 +24,7 @@ def create_glint_material(
     strength=STRENGTH.default,
     uv_map="",
     extension=EXTENSION.default,
+    variation=VARIATION.default,
     scale=None,
     surface=SURFACE.default,
     edge_tint=None,
@@ -41,8 +42,9 @@ def create_glint_material(
     roughness 0..1 of a single facet (alpha is its square); distribution 'BECKMANN' or 'GGX'; interpolation 'LINEAR' or
     'CLOSEST'; convention 'OPENGL' (+Y) or 'DIRECTX' (-Y); strength scales the slopes; uv_map "" is
     the active render UV map; extension 'REPEAT', 'EXTEND', 'CLIP' or 'MIRROR', as of an Image Texture node: all but
-    the first are as noisy as Blender's own nodes where a footprint meets the map's edge, and beyond; scale is the width
-    in metres of one repeat, None repeats the map as the UV map says.
+    the first are as noisy as Blender's own nodes where a footprint meets the map's edge, and beyond; variation 'REPEAT'
+    or 'SHUFFLE', by which each repeat is another cut of the map, and which takes interpolation 'CLOSEST'; scale is the
+    width in metres of one repeat, None repeats the map as the UV map says.
     surface: what facets are made of, as the BSDF node that follows Image Texture -> Normal Map: 'TINT' is Glossy BSDF
     of `color`; 'METAL' Metallic BSDF of base colour `color` and `edge_tint`; 'CONDUCTOR' Metallic BSDF of `ior` and
     `extinction`, three numbers each; 'DIELECTRIC' the reflection of Principled BSDF of `ior` and specular tint `color`,

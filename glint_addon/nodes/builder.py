@@ -113,6 +113,13 @@ def add_mix(group, data_type, factor, a, b, label):
     return _enabled(node.outputs)[0]
 
 
+def vector_or(group, vector, other):
+    """The vector of an input of a group, or `other` where nothing is connected to it, which is 0 everywhere then."""
+    length = add_math(group, "LENGTH", vector, vector=True, label="Length")
+    is_connected = add_math(group, "GREATER_THAN", length, 0.0, label="Is Connected")
+    return add_mix(group, "VECTOR", is_connected, other, vector, "Coordinates")
+
+
 def feed(group, socket, source):
     """Let an input of one of the group's nodes have what `source` gives, if that is a socket, else its value."""
     if isinstance(source, bpy.types.NodeSocket):

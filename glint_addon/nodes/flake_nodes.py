@@ -37,18 +37,20 @@ def flake_color_of(group) -> bpy.types.Image | None:
     return node.image if node is not None else None
 
 
-def add_flake_color(group, source, image):
-    """Let each flake have the colour of `image` times that of the surface; source: the group's inputs."""
+def add_flake_color(group, source, coordinates, image):
+    """Let each flake have the colour of `image`, read at `coordinates`, times that of the surface; source: the group's
+    inputs."""
     socket = KINDS[surface_of(group)].color
-    texture = _add_texture(group, source, FLAKE_COLOR_NODE)
+    texture = _add_texture(group, coordinates, FLAKE_COLOR_NODE)
     texture.image = image
     product = add_math(group, "MULTIPLY", source.outputs[socket.name], texture.outputs["Color"], vector=True)
     group.links.new(product, group.nodes[FACETS_NODE].inputs[socket.name])
 
 
-def add_presence(group, source, image, surface):
-    """Let the shader `surface` be seen where there are flakes, and the group's Base elsewhere; returns the shader."""
-    texture = _add_texture(group, source, PRESENCE_NODE)
+def add_presence(group, source, coordinates, image, surface):
+    """Let the shader `surface` be seen where there are flakes in `image`, read at `coordinates`, and the group's Base
+    elsewhere; returns the shader."""
+    texture = _add_texture(group, coordinates, PRESENCE_NODE)
     read_as_data(group, PRESENCE_NODE, PRESENCE_ORIGINAL, image)
     is_flake = add_math(group, "GREATER_THAN", texture.outputs["Color"], THRESHOLD, label="Is Flake")
     mix = add_node(group, "ShaderNodeMixShader", BASE_MIX)
@@ -57,9 +59,9 @@ def add_presence(group, source, image, surface):
     return mix.outputs[0]
 
 
-def _add_texture(group, source, name):
+def _add_texture(group, coordinates, name):
     texture = add_node(group, "ShaderNodeTexImage", name, interpolation="Closest")
-    group.links.new(source.outputs["Vector"], texture.inputs["Vector"])
+    group.links.new(coordinates, texture.inputs["Vector"])
     return texture
 
 

@@ -22,6 +22,7 @@ from .builder import (
     arrange,
     local_group,
     new_group,
+    vector_or,
     version_of,
 )
 from .driven import Driven, Variable, driver_curve, write_number
@@ -35,13 +36,14 @@ from .flake_nodes import (
     read_as_data,
 )
 from .map_binding import ORIGINAL_NODE, MapBinding, is_old, map_of, nodes_binding, write_reading
-from .map_choices import CHOICES, FACETS_NODE, IMAGE_NODE, NORMAL_NODE
+from .map_choices import CHOICES, FACETS_NODE, IMAGE_NODE, NORMAL_NODE, SHUFFLE_NODE
 from .map_tables import SCRIPT_NODE, forget_table
 from .script_node import add_script_node, osl_available
 from .surface_kinds import KINDS, add_facets, surface_of
+from .tiles import add_shuffle, follow_size
 
 NAME = "Glint BSDF"
-VERSION = 14
+VERSION = 15
 LIGHTS_NODE = "Lights"
 CAUSTICS_NODE = "Caustics"
 GRID_NODE = "OnGrid"
@@ -249,10 +251,10 @@ def _give_defaults(group, names):
 def _add_nodes(group, binding):
     source = add_node(group, "NodeGroupInput")
     output = add_node(group, "NodeGroupOutput")
-    glossy = _add_native_nodes(group, binding, source)
-    lights = add_node(group, "ShaderNodeGroup", LIGHTS_NODE, node_tree=glint_lights.build())
     # Where nothing is connected to Vector: the active UV map, which the Image Texture then takes by itself.
     coordinates = add_node(group, "ShaderNodeUVMap", UV_NODE).outputs["UV"]
+    glossy = _add_native_nodes(group, binding, source, coordinates)
+    lights = add_node(group, "ShaderNodeGroup", LIGHTS_NODE, node_tree=glint_lights.build())
     way = add_node(group, "ShaderNodeValue", WAY_NODE).outputs["Value"]
     choose_way(group)
     native = glossy
@@ -322,8 +324,9 @@ def is_way_chosen(group) -> bool:
 
 
 def follow_footprints(group, size, *, are_wide: bool):
-    """Let the places of a Glint BSDF group, if it has any, know its map's `size` (width, height) in texels, and whether
-    a camera sees a footprint wider than a texel: where none does, places are not even compiled."""
+    """Let cuts and places of a Glint BSDF group, if it has any, know its map's `size` (width, height) in texels, and
+    places whether a camera sees a footprint wider than a texel: where none does, they are not even compiled."""
+    follow_size(group, size)
     if _has_places(group):
         places.follow_size(group, size)
         write_number(group.nodes[resampled.WIDE_NODE].outputs["Value"], float(are_wide))
@@ -346,13 +349,16 @@ def _follow_nodes(group, binding):
             script.inputs[name].default_value = value
 
 
-def _add_native_nodes(group, binding, source):
-    """Blender's own nodes for the same surface; returns the BSDF output."""
+def _add_native_nodes(group, binding, source, coordinates):
+    """Blender's own nodes for the same surface; returns the BSDF output. coordinates: of the active UV map."""
+    vector = source.outputs[VECTOR.name]
+    if binding.variation == "SHUFFLE":
+        vector = add_shuffle(group, vector_or(group, vector, coordinates), SHUFFLE_NODE)
     texture = add_node(group, "ShaderNodeTexImage", IMAGE_NODE)
     _read_map(group, binding.image)
     normal_map = add_node(group, "ShaderNodeNormalMap", NORMAL_NODE)
     facets = add_facets(group, binding.surface, FACETS_NODE)
-    group.links.new(source.outputs[VECTOR.name], texture.inputs["Vector"])
+    group.links.new(vector, texture.inputs["Vector"])
     group.links.new(source.outputs[STRENGTH.name], normal_map.inputs["Strength"])
     if binding.image is not None:
         group.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
@@ -361,9 +367,9 @@ def _add_native_nodes(group, binding, source):
         group.links.new(source.outputs[socket.name], facets.inputs[socket.name])
     surface = facets.outputs["BSDF"]
     if binding.flake_color is not None:
-        add_flake_color(group, source, binding.flake_color)
+        add_flake_color(group, source, vector, binding.flake_color)
     if binding.presence is not None:
-        surface = add_presence(group, source, binding.presence, surface)
+        surface = add_presence(group, source, vector, binding.presence, surface)
     write_reading(group, binding)
     return surface
 

@@ -25,9 +25,11 @@ from .map_choices import (
     INTERPOLATION,
     NORMAL_NODE,
     SURFACE,
+    VARIATION,
 )
 from .map_tables import stored_text
 from .surface_kinds import KINDS, surface_of
+from .tiles import variation_of
 
 ORIGINAL_NODE = "Original"  # of an image that is shown as colour elsewhere: the group reads a copy, and this holds it
 
@@ -54,6 +56,7 @@ class MapBinding:
     surface: str = SURFACE.default
     presence: bpy.types.Image | None = None
     flake_color: bpy.types.Image | None = None
+    variation: str = VARIATION.default
 
     def __post_init__(self):
         for name in (name for name in READING if name in CHOICES):
@@ -63,6 +66,7 @@ class MapBinding:
         if KINDS[self.surface].distribution:
             object.__setattr__(self, "distribution", KINDS[self.surface].distribution)
         self._check_flakes()
+        self._check_variation()
 
     @property
     def has_flakes(self) -> bool:
@@ -86,8 +90,24 @@ class MapBinding:
                                "have to be: choose an image.")
 
 
-# The choices that a property of a node says: all but the kind of surface, which is another node.
-PROPERTIES = {name: choice for name, choice in CHOICES.items() if choice is not SURFACE}
+    def _check_variation(self):
+        """Raise MapError for a variation of repeats that there cannot be."""
+        if self.variation == VARIATION.default:
+            return
+        variation = f"Variation {CHOICES[VARIATION.name].value(self.variation).label}"
+        if self.extension != EXTENSION.default:
+            raise MapError(f"{variation} is of maps that repeat, and the Extension is "
+                           f"{EXTENSION.value(self.extension).label}: choose {EXTENSION.values[0].label}.")
+        if self.variation == "SHUFFLE" and self.interpolation != "CLOSEST":
+            raise MapError(f"{variation} cuts between texels, and the normal map is read with "
+                           f"{INTERPOLATION.value(self.interpolation).label} interpolation: choose Closest.")
+        if self.image is not None and is_several(self.image):
+            raise MapError(f'{variation} is of a single picture, which image "{self.image.name}" is not: choose '
+                           "another image, or the Variation Repeat.")
+
+
+# The choices that a property of a node says: not the kind of surface and the variation, which other nodes say.
+PROPERTIES = {name: choice for name, choice in CHOICES.items() if choice not in (SURFACE, VARIATION)}
 IMAGES = ("image", "presence", "flake_color")
 # The fields that say how any map is read.
 READING = tuple(field.name for field in fields(MapBinding) if field.name not in (*IMAGES, "frames"))
@@ -119,7 +139,8 @@ def nodes_binding(group) -> MapBinding:
     moves = image is not None and image.source == "SEQUENCE"
     frames = Frames.of(nodes[IMAGE_NODE].image_user) if moves else None
     return MapBinding(image, uv_map=nodes[NORMAL_NODE].uv_map, frames=frames, surface=surface_of(group),
-                      presence=presence_of(group), flake_color=flake_color_of(group), **chosen)
+                      presence=presence_of(group), flake_color=flake_color_of(group), variation=variation_of(group),
+                      **chosen)
 
 
 def write_reading(group, binding: MapBinding, copies=None):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 # Blender's own nodes, which say what the group reads.
 IMAGE_NODE, NORMAL_NODE, FACETS_NODE = "Normal Map Image", "Tangent Space", "Facets"
+SHUFFLE_NODE = "Shuffle"  # moves the coordinates of all images in the group: see tiles
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,9 @@ class Choice:
     """A choice of how a map is read; its first value is the default.
 
     name: field of `MapBinding`, setting of the operators, and property of the group's node `node` (of SURFACE the kind
-    of that node says it: surface_kinds); number: input of the OSL node that takes the value's number, or empty where
-    the tables say it; expected: the value that the panel does not mention.
+    of that node says it, see surface_kinds; of VARIATION whether it is there, see tiles); number: input of the OSL node
+    that takes the value's number, or empty where the tables say it; expected: the value that the panel does not
+    mention.
     """
 
     name: str
@@ -132,5 +134,18 @@ EXTENSION = Choice(
     expected="REPEAT",
 )
 
+VARIATION = Choice(
+    "variation",
+    "Variation",
+    "How the repeats of a map differ",
+    SHUFFLE_NODE,
+    (
+        Value("REPEAT", "Repeat", "They do not: each is the whole map"),
+        Value("SHUFFLE", "Shuffle", "Flakes, endless: each repeat is another cut of the map; for Closest", number=1),
+    ),
+    number="Variation",
+    expected="REPEAT",
+)
+
 # By name, in the order of the dialog.
-CHOICES = {choice.name: choice for choice in (SURFACE, DISTRIBUTION, INTERPOLATION, CONVENTION, EXTENSION)}
+CHOICES = {choice.name: choice for choice in (SURFACE, DISTRIBUTION, INTERPOLATION, CONVENTION, EXTENSION, VARIATION)}

@@ -88,11 +88,12 @@ class Places:
 Formulas = tuple[tuple[Socket, ...], tuple[Socket, ...], Callable[..., dict]]
 
 
-def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> Places:
+def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets, read_at=None) -> Places:
     """Add a Repeat Zone that chooses one of the places under a sample.
 
     texture: the Image Texture node to read them by; own: colour of the normal at the hit point; frame: world-space
-    tangent and bitangent; lights: the "Glint Lights" node; sockets: {"Coordinates", "Roughness", "Strength"}.
+    tangent and bitangent; lights: the "Glint Lights" node; sockets: {"Coordinates", "Roughness", "Strength"}; read_at:
+    function that adds nodes between the coordinates of a place and those at which images are read there, or None.
     """
     footprint = _add_group(group, FOOTPRINT, FOOTPRINT_NODE, {
         "Coordinates": sockets["Coordinates"], "Samples": lights.outputs["Samples"]}).outputs
@@ -103,7 +104,8 @@ def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> P
     place = _add_group(group, PLACE, "Place", {
         "Number": start.outputs["Iteration"], "Count": count, "Coordinates": sockets["Coordinates"],
         "Sum": start.outputs["Sum"], "Along": footprint["Along"], "Across": footprint["Across"]}).outputs["Place"]
-    group.links.new(place, texture.inputs["Vector"])
+    read = place if read_at is None else read_at(place)
+    group.links.new(read, texture.inputs["Vector"])
     colour = texture.outputs["Color"]
     kept = end.outputs["Normal"]
     importance, kept_importance, of_own = (
@@ -119,7 +121,7 @@ def add_places(group, texture: bpy.types.Node, own, frame, lights, sockets) -> P
     group.links.new(place, chance.inputs["Vector"])
     is_kept = add_math(group, "LESS_THAN", add_math(group, "MULTIPLY", chance.outputs["Value"], total), importance)
     group.links.new(total, end.inputs["Sum"])
-    for name, new in (("Normal", colour), ("Place", place)):
+    for name, new in (("Normal", colour), ("Place", read)):
         group.links.new(add_mix(group, "VECTOR", is_kept, start.outputs[name], new, f"Keep {name}"), end.inputs[name])
 
     mean = add_math(group, "DIVIDE", end.outputs["Sum"], count)

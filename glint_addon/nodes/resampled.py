@@ -6,12 +6,15 @@ nodes at the hit point with the weight that is left. Where that is of no use the
 
 from __future__ import annotations
 
+from functools import partial
+
 from . import places
-from .builder import add_math, add_mix, add_node, feed
+from .builder import add_math, add_node, feed, vector_or
 from .flake_nodes import FLAKE_COLOR_NODE, PRESENCE_NODE, THRESHOLD
-from .map_choices import FACETS_NODE, IMAGE_NODE, NORMAL_NODE
+from .map_choices import FACETS_NODE, IMAGE_NODE, NORMAL_NODE, SHUFFLE_NODE
 from .reflectance import add_reflectance
 from .surface_kinds import KINDS, surface_of
+from .tiles import PLACES_SHUFFLE, add_shuffle
 
 WIDE_NODE = "Wider than a texel"
 # The places' own copies of the nodes that read the map, and what chooses between them and plain nodes.
@@ -34,14 +37,15 @@ def add_surface(group, source, lights, coordinates, way, plain):
     source: the group's inputs; lights: the node "Glint Lights"; coordinates: of the active UV map; way: whether the OSL
     lobe renders.
     """
-    roughness, strength, vector = (source.outputs[name] for name in ("Roughness", "Strength", "Vector"))
-    is_connected = add_math(group, "GREATER_THAN", add_math(group, "LENGTH", vector, vector=True), 0.0)
-    coordinates = add_mix(group, "VECTOR", is_connected, coordinates, vector, "Coordinates")
+    roughness, strength = (source.outputs[name] for name in ("Roughness", "Strength"))
+    coordinates = vector_or(group, source.outputs["Vector"], coordinates)
     texture = add_node(group, "ShaderNodeTexImage", PLACES_IMAGE, image=group.nodes[IMAGE_NODE].image)
     frame = [add_node(group, "ShaderNodeNormalMap", name, inputs={"Color": colour}).outputs["Normal"]
              for name, colour in AXES.items()]
-    found = places.add_places(group, texture, group.nodes[IMAGE_NODE].outputs["Color"], frame, lights, {
-        "Coordinates": coordinates, "Roughness": roughness, "Strength": strength})
+    own = group.nodes[IMAGE_NODE].outputs["Color"]
+    read_at = partial(_shuffled, group) if SHUFFLE_NODE in group.nodes else None
+    found = places.add_places(group, texture, own, frame, lights, {
+        "Coordinates": coordinates, "Roughness": roughness, "Strength": strength}, read_at)
     kept_normal = add_node(group, "ShaderNodeNormalMap", KEPT_NORMAL)
     group.links.new(found.kept, kept_normal.inputs["Color"])
     group.links.new(strength, kept_normal.inputs["Strength"])
@@ -49,6 +53,10 @@ def add_surface(group, source, lights, coordinates, way, plain):
     group.links.new(_kept_lobe(group, source, found, kept_normal), lobes.inputs[0])
     group.links.new(_own_lobe(group, found, plain), lobes.inputs[1])
     return _add_choice(group, found, way, plain, lobes.outputs[0])
+
+
+def _shuffled(group, place):
+    return add_shuffle(group, place, PLACES_SHUFFLE)
 
 
 def _kept_lobe(group, source, found, normal):

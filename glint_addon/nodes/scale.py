@@ -89,11 +89,7 @@ def _add_nodes(group, uv_map):
     inputs = builder.add_node(group, "NodeGroupInput")
     uv = builder.add_node(group, "ShaderNodeUVMap", UV_NODE, uv_map=uv_map).outputs["UV"]
     name = metres_property(uv_map_of(group))  # of what the node kept of a name that is too long
-    # What is not connected is 0 everywhere.
-    vector = inputs.outputs[VECTOR.name]
-    length = builder.add_math(group, "LENGTH", vector, vector=True, label="Length")
-    is_connected = builder.add_math(group, "GREATER_THAN", length, 0.0, label="Is Connected")
-    coordinates = builder.add_mix(group, "VECTOR", is_connected, uv, vector, "Coordinates")
+    coordinates = builder.vector_or(group, inputs.outputs[VECTOR.name], uv)
 
     # An object that was not measured has 0 here: one metre then, as a plane of Blender's with its UVs from 0 to 1
     # would have if it were one metre wide.

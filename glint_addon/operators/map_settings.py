@@ -6,7 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ..errors import SceneError
 from ..images import flake_images, recipe_of
 from ..nodes.map_binding import READING, MapBinding
-from ..nodes.map_choices import CHOICES, CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION, SURFACE, Choice
+from ..nodes.map_choices import CHOICES, CONVENTION, DISTRIBUTION, EXTENSION, INTERPOLATION, SURFACE, VARIATION, Choice
 from ..nodes.surface_kinds import KINDS
 
 FLAKES = ("presence", "flake_color")  # images of single flakes
@@ -35,6 +35,7 @@ class MapSettings:
     interpolation: choice_property(INTERPOLATION)
     convention: choice_property(CONVENTION)
     extension: choice_property(EXTENSION)
+    variation: choice_property(VARIATION)
     uv_map: StringProperty(
         name="UV Map", description="UV map that places the normal map; empty takes the one active for rendering"
     )

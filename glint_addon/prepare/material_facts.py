@@ -18,8 +18,8 @@ from .stored_tables import remembered_tables
 from .uses import Uses, shown_map
 
 VALUES = (ROUGHNESS.name, STRENGTH.name)  # sockets that say which lights facets can mirror
-BINDING_WORDS = ("Interpolation", "Convention", "Distribution", "UV map", "Extension", "Surface", "Presence",
-                 "Flake Color", "Frames")
+BINDING_WORDS = ("Interpolation", "Convention", "Distribution", "UV map", "Extension", "Surface", "Variation",
+                 "Presence", "Flake Color", "Frames")
 
 
 def material_facts(uses: Uses, states: ImageStates) -> dict[str, list[list[str]]]:
@@ -84,8 +84,8 @@ def _group(group: bpy.types.ShaderNodeTree, states: ImageStates) -> list[str]:
         return [image.name_full, states[image], str(error), *[""] * len(BINDING_WORDS)]
     frames = " ".join(map(str, astuple(binding.frames))) if binding.frames else "all"
     return [image.name_full, states[image], binding.interpolation, binding.convention, binding.distribution,
-            binding.uv_map, binding.extension, binding.surface, _name(binding.presence), _name(binding.flake_color),
-            frames, flakes_state(group, states)]
+            binding.uv_map, binding.extension, binding.surface, binding.variation, _name(binding.presence),
+            _name(binding.flake_color), frames, flakes_state(group, states)]
 
 
 def _name(image: bpy.types.Image | None) -> str:

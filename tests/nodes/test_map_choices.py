@@ -12,9 +12,10 @@ from glint_addon import create_glint_material
 from glint_addon.bake import counts, normal_map
 from glint_addon.errors import MapError
 from glint_addon.materials.find import glint_groups
+from glint_addon.nodes import tiles
 from glint_addon.nodes.glint_bsdf import build, group_binding
 from glint_addon.nodes.map_binding import READING, MapBinding
-from glint_addon.nodes.map_choices import CHOICES, EXTENSION, INTERPOLATION, SURFACE, Value
+from glint_addon.nodes.map_choices import CHOICES, EXTENSION, INTERPOLATION, SURFACE, VARIATION, Value
 from glint_addon.nodes.map_tables import SCRIPT_NODE
 from glint_addon.nodes.script_node import osl_available
 from glint_addon.nodes.surface_kinds import KINDS, surface_of
@@ -34,6 +35,8 @@ def unknown_to_blenders_node(choice) -> list:
     """Values that Blender's own node in the group has not; each kind of surface has a node of its own."""
     if choice is CHOICES["surface"]:
         return [identifier for identifier in choice.identifiers if identifier not in KINDS]
+    if choice is CHOICES["variation"]:
+        return [identifier for identifier in choice.identifiers[1:] if identifier not in tiles.NODES]
     values = build().nodes[choice.node].bl_rna.properties[choice.name].enum_items.keys()
     return [value.identifier for value in choice.values if value.native not in values]
 
@@ -84,8 +87,9 @@ def test_every_place_with_a_list_of_its_own_knows_every_value(scene, name):
 
 
 def test_a_new_value_is_missed_where_it_has_to_be_taught(extended):
+    of_the_shader = ("surface", "distribution", "interpolation", "variation")
     taught = {"Blender's node", "the docstring of create_glint_material"}
-    taught |= {"osl/glint.osl"} if extended.name in ("surface", "distribution", "interpolation") else set()
+    taught |= {"osl/glint.osl"} if extended.name in of_the_shader else set()
     taught |= {"glint_addon/bake"} if extended.name in ("convention", "interpolation") else set()
     assert forgotten(extended) == dict.fromkeys(taught, [NEW.identifier])
 
@@ -139,15 +143,25 @@ def test_the_numbers_of_surfaces_are_those_of_the_shader():
     assert list(numbers) == list(KINDS)
 
 
+def test_the_numbers_of_variations_are_those_of_the_shader():
+    header = (SHADER.parent / "tiles.h").read_text(encoding="utf-8")
+    numbers = {name: int(number) for name, number in re.findall(r"^#define VARIATION_(\w+) (\d)", header, re.MULTILINE)}
+    assert numbers == {value.identifier: value.number for value in VARIATION.values[1:]}
+    assert list(numbers) == list(tiles.NODES)
+
+
 @pytest.mark.parametrize("name", CHOICES)
 def test_each_value_goes_into_the_nodes_and_comes_out_again(scene, tmp_path, name):
     choice, flags = CHOICES[name], []
     for identifier in choice.identifiers:
-        material = create_glint_material(identifier, write_flake_map(tmp_path / "flakes.png"), **{name: identifier})
+        settings = {name: identifier} | ({"interpolation": "CLOSEST"} if choice is VARIATION else {})
+        material = create_glint_material(identifier, write_flake_map(tmp_path / "flakes.png"), **settings)
         (group,) = glint_groups(material)
         assert getattr(group_binding(group), name) == identifier
         if choice is SURFACE:
             assert surface_of(group) == identifier
+        elif choice is VARIATION:
+            assert (choice.node in group.nodes) == (identifier == "SHUFFLE")
         else:
             assert getattr(group.nodes[choice.node], name) == choice.value(identifier).native
         if osl_available() and choice.number:

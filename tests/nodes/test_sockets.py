@@ -3,6 +3,7 @@
 import hashlib
 import inspect
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -21,11 +22,11 @@ NUMBERS = tuple(socket for socket in COMMON if socket.kind == "NodeSocketFloat")
 # The setting of the operator that each socket becomes, where it has one.
 SETTINGS = {socket: socket.name.lower() for socket in (*NUMBERS, COLOR, EXTINCTION, IOR)} | {
     EDGE_TINT: "edge_tint", IORS: "ior_rgb"}
-# The group without a map, with one for each kind of surface, and with flakes, as its version made it. Where it changes,
-# raise VERSION in glint_addon/nodes/glint_bsdf.py and put the new digests here: groups of saved files are brought up to
-# date only if their version is another.
-BUILT = (14, "0ba3682916a440c6", "3053daa98b873730", "33777e42addacb77", "009808435b18041b",
-         "e20afc6dedce23fe", "d10f9450f9f99b48")
+# The group without a map, with one for each kind of surface, with flakes, and these shuffled, as its version made it.
+# Where it changes, raise VERSION in glint_addon/nodes/glint_bsdf.py and put the new digests here: groups of saved files
+# are brought up to date only if their version is another.
+BUILT = (15, "6958bf5c8ca29170", "e619673f565828f9", "51c31420544bea6e", "98f6f3b5901f6835", "60fb9950e1675196",
+         "df669fad7a833984", "2b80fa9bfe1dadaf")
 # Of 32-bit floats that Blender stores.
 STEP = 1e-6
 
@@ -110,7 +111,9 @@ def test_another_group_is_another_version(scene):
     image = bpy.data.images.new("Map", 4, 4, is_data=True)
     kinds = [digest_of(group_for(MapBinding(image, surface=surface))) for surface in KINDS]
     flakes = MapBinding(image, interpolation="CLOSEST", presence=image, flake_color=image)
-    assert (VERSION, digest_of(build()), *kinds, digest_of(group_for(flakes))) == BUILT
+    shuffled = replace(flakes, variation="SHUFFLE")
+    of_flakes = [digest_of(group_for(each)) for each in (flakes, shuffled)]
+    assert (VERSION, digest_of(build()), *kinds, *of_flakes) == BUILT
 
 
 def test_the_shader_has_an_input_for_each_output_of_the_lights(scene):

@@ -16,6 +16,7 @@ MAP = """
   map.counts.table = map.table; map.counts.first = 0; map.counts.levels = 0; map.counts.low = 0; map.counts.high = 0;
   map.index = map.table; map.is_indexed = 0; map.visits = {visits}; map.flakes.table = map.table;
   map.flakes.are_there = {has_flakes}; map.flakes.have_colors = 0;
+  map.variation = 0; map.tile_u = 0; map.tile_v = 0; map.cut_u = 0; map.cut_v = 0;
 """
 
 

@@ -198,7 +198,7 @@ def flakes_map(folder):
     path, _ = flakes.bake_flakes(normals, colors, folder)
     return normals, colors, declared_map(file, normals, is_linear=False, has_flakes=True) + f"""
       map.flakes.table = "{path.as_posix()}"; map.flakes.have_colors = 1; lay_flakes(map);
-      hit.i = 3; hit.j = 5; hit.flakes.mean = {MEAN};
+      hit.column = 3; hit.row = 5; hit.flakes.mean = {MEAN};
     """
 
 

@@ -45,6 +45,7 @@ AROUND = """
   }
   Grid grid = cells.grid;
   Map map;
+  map.variation = 0; map.cut_u = 0; map.cut_v = 0;
   map.counts = counts;
   map.strength = strength;
   Facet facet;
@@ -299,7 +300,8 @@ def test_a_hit_is_counted_where_its_bin_is_in_a_selected_cell():
     hit = inputs.fill("hit", u=place[:, 0], v=place[:, 1])
     place = np.stack([hit.u, hit.v], axis=1)
     whole = np.floor(place)
-    inputs.fill("hit", i=whole[:, 0], j=whole[:, 1])
+    texel = np.mod(whole, sizes).astype(int)
+    inputs.fill("hit", i=whole[:, 0], j=whole[:, 1], column=texel[:, 0], row=texel[:, 1])
     # About the cells of one hint, which move by a few bins.
     own = [cells[k].grid for k in range(HINTS)]
     start, end = (np.choose(np.arange(ROWS)[:, None] % HINTS, [
@@ -313,7 +315,7 @@ def test_a_hit_is_counted_where_its_bin_is_in_a_selected_cell():
     osl = inputs.call("counts.h", COUNTED, ("counted",))["counted"]
 
     expected, is_clear = twin.hit_is_counted(hints, cells, counts.low, counts.high, level.corners, sizes, groups,
-                                             np.mod(whole, sizes).astype(int), place, unscaled)
+                                             texel, place, unscaled)
     assert 0.1 < expected.mean() < 0.9 and not expected[:40].any()
     assert_whole_agree(osl, expected, is_clear, least=0.9)
 

@@ -7,16 +7,19 @@ import pytest
 
 from tests.helpers.osl_functions import EPSILON, MARGIN, ROUNDING, ROWS, Inputs, assert_whole_agree
 from tests.reference import counts_groups as twin
+from tests.reference import tiles
 from tests.reference.random_inputs import footprint_inputs, random_axes
 
 HEADER = "counts_groups.h"
 FAST_MATH = 2e-5  # OSL's pow and sincos: a few float32 roundings of their argument's own size
 BODY = """
-  Blocks blocks = blocks_under(level, query);
+  Map map; map.variation = 0; map.width = 0; map.height = 0;
+  map.tile_u = 0; map.tile_v = 0; map.cut_u = 0; map.cut_v = 0;
+  Blocks blocks = blocks_under(map, level, query);
   Ellipse ellipse = blocks.ellipse;
   Group under = group_under(blocks, level, query, g % blocks.groups);
-  Group at_random = random_group(blocks, level, query, g);
-  Groups drawn = drawn_groups(blocks, level, query);
+  Group at_random = random_group(blocks, map, level, query, g);
+  Groups drawn = drawn_groups(blocks, map, level, query);
   int columns[READ];
   int rows[READ];
   float weights[NUMBERS];
@@ -221,3 +224,51 @@ def test_the_drawn_groups_stand_for_all(groups):
         compared += is_same and close
     assert compared > 0.97 * (own.is_random == 0).sum()
     assert 0.15 < own.is_random.mean() < 0.8
+
+
+OTHER_TILES = """
+  map.variation = 1;
+  tile_cut(map.tile_u, map.tile_v, map.width, map.height, map.cut_u, map.cut_v);
+  level.group_u = map.width / (float)level.columns;
+  level.group_v = map.height / (float)level.rows;
+  query.u = map.cut_u + inside_u;
+  query.v = map.cut_v + inside_v;
+  int leaves = leaves_tile(map, query, reach_u, reach_v);
+  Blocks blocks;
+  blocks.is_thin = 0;
+  Group found = random_group(blocks, map, level, query, g);
+"""
+
+
+def test_groups_of_other_tiles_are_those_that_their_cuts_show():
+    rng = np.random.default_rng(3)
+    inputs = Inputs()
+    inputs.statements.append("Map map; Level level; Query query;")
+    sizes = rng.integers(60, 300, (ROWS, 2))
+    tile = rng.integers(-50, 50, (ROWS, 2))
+    inputs.fill("map", width=sizes[:, 0], height=sizes[:, 1], tile_u=tile[:, 0], tile_v=tile[:, 1])
+    counts = rng.integers(1, 4, (ROWS, 2))
+    inputs.fill("level", columns=counts[:, 0], rows=counts[:, 1])
+    footprint = footprint_inputs(inputs, random_axes(rng, largest=1.3, thin=1.2) * 60)
+    inputs.statements.append("query.footprint = footprint;")
+    random = inputs.fill("query", random=rng.uniform(0, 1, (ROWS, 3))).random
+    names = "inside_u", "inside_v"
+    inside = np.stack([inputs.add(name, rng.uniform(0, sizes[:, k])) for k, name in enumerate(names)], axis=1)
+    reach = np.stack([inputs.add(f"reach_{axis}", rng.uniform(0, 60, ROWS)) for axis in "uv"], axis=1)
+    g = inputs.add("g", rng.integers(0, twin.FAR_GROUPS, ROWS))
+    osl = inputs.call(HEADER, OTHER_TILES, ("leaves", "found.column", "found.row", "found.shift_u", "found.shift_v"))
+
+    margin = np.minimum(inside - reach, sizes - inside - reach).min(axis=1)
+    assert_whole_agree(osl["leaves"], (margin < 0).astype(int), np.abs(margin) > 1e-3)
+    cut = np.array([tiles.tile_cut(*pair) for pair in zip(tile, sizes, strict=True)])
+    level = SimpleNamespace(group_u=np.ones(ROWS), group_v=np.ones(ROWS))
+    query = SimpleNamespace(middle=cut + inside, random=random, axes=footprint.axes)
+    point = twin.random_group(SimpleNamespace(is_thin=np.zeros(ROWS, bool)), level, query, g)[2]
+    away = (point - cut) / sizes
+    other = np.array([tiles.tile_cut(*pair) for pair in zip(tile + np.floor(away).astype(int), sizes, strict=True)])
+    place = (point - cut + other) / sizes * counts
+    is_clear = (np.abs(away - np.round(away)) > 1e-3).all(axis=1) & (np.abs(place - np.round(place)) > 1e-3).all(axis=1)
+    assert 0.2 < (np.floor(away) != 0).any(axis=1).mean() < 0.8
+    expected = np.concatenate([np.floor(place), cut - other], axis=1).T
+    for name, values in zip(("column", "row", "shift_u", "shift_v"), expected, strict=True):
+        assert_whole_agree(osl[f"found.{name}"], values, is_clear, least=0.9)

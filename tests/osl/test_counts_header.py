@@ -216,6 +216,7 @@ def test_the_lobe_of_a_cell(masses):
 READ = """
   counts.table = "{file}";
   Map map;
+  map.variation = 0; map.cut_u = 0; map.cut_v = 0;
   map.counts = counts;
   map.costs.fetches = 1;
   map.costs.visited = 2;
@@ -372,6 +373,7 @@ DRAWN = counts_groups.DRAWN_GROUPS + 1
 QUERY = """
   counts.table = "{file}";
   Map map;
+  map.variation = 0; map.cut_u = 0; map.cut_v = 0;
   map.counts = counts;
   Level level = counts_level(counts, block, {width}, {height}, 1);
   query.facet = facet;
@@ -383,8 +385,8 @@ QUERY = """
   for (int k = 0; k < min(s.count, s.limit); ++k) {{
     sum += s.sum[k];
   }}
-  Blocks blocks = blocks_under(level, query);
-  Groups drawn = drawn_groups(blocks, level, query);
+  Blocks blocks = blocks_under(map, level, query);
+  Groups drawn = drawn_groups(blocks, map, level, query);
   float groups[NUMBERS];
   for (int k = 0; k < {drawn}; ++k) {{
     Group one;

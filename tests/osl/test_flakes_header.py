@@ -22,6 +22,7 @@ HALF = 2.0**-11  # rounding of a 16-bit float
 COMPARED = 400  # rows of which the twin looks at every texel
 LAYOUT = """
   Map map;
+  map.variation = 0; map.cut_u = 0; map.cut_v = 0;
   map.width = width; map.height = height; map.flakes.have_colors = have_colors;
   lay_flakes(map);
   int before = texels_before_level(map, level);
@@ -115,7 +116,7 @@ AROUND = """
   if (map.flakes.have_colors) {
     merged = merged_color(map, hit, slope1, slope2);
     own = element_color(map, hit, 1, slope1, slope2);
-    single = element_color(map, hit, 0, wrapped((int)hit.i, map.width), wrapped((int)hit.j, map.height));
+    single = element_color(map, hit, 0, hit.column, hit.row);
   }
 """
 

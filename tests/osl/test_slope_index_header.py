@@ -10,16 +10,23 @@ from glint_addon.bake import slope_index as bake
 from glint_addon.bake import table as table_bake
 from tests.helpers.normals import random_normals
 from tests.helpers.osl_functions import ROWS, Inputs, assert_whole_agree
-from tests.reference import slope_cells
+from tests.reference import slope_cells, tiles
 from tests.reference import slope_index as twin
 from tests.reference.random_inputs import footprint_inputs, hint_inputs, random_axes
 
 HEADER = "slope_index.h"
 SIZE = (72, 52)  # no multiple of a block, so that blocks are cut off where the map repeats
 HINTS = 2
+TILE = (3, -2)  # of the hit points, where each tile shows another cut of the map
+AROUND = 2  # tiles on each side of it that a footprint may reach
 COMPARED = 160  # rows, of which every element is visited one by one
 SETUP = """
   Map map;
+  map.variation = {variation};
+  map.tile_u = {tile[0]};
+  map.tile_v = {tile[1]};
+  map.cut_u = {cut[0]};
+  map.cut_v = {cut[1]};
   map.table = "{table}";
   map.index = "{index}";
   map.width = {width};
@@ -49,6 +56,12 @@ BODY = """
   all.random = 0.3;
   map.costs.visited = 0;
   float total = index_query(map, query, all);
+  int visited = map.costs.visited;
+  Selection own = new_selection(25, 1, facet);
+  own.random = 0.3;
+  int in_tile = is_in_tile(block, x, y);
+  visit_blocks(map, index, query, block, 0, 0, own);
+  float sum_of_own = 0;
   float sum_of_listed = 0;
   float sum_in_block = 0;
   float sum_of_all = 0;
@@ -56,10 +69,11 @@ BODY = """
     sum_of_listed += r < s.count ? s.sum[r] : 0.0;
     sum_in_block += r < in_block.count ? in_block.sum[r] : 0.0;
     sum_of_all += r < all.count ? all.sum[r] : 0.0;
+    sum_of_own += r < own.count ? own.sum[r] : 0.0;
   }
 """
 RESULTS = ("serves", "s.count", "sum_of_listed", "in_block.count", "sum_in_block", "all.count", "sum_of_all", "total",
-           "map.costs.visited")
+           "visited", "own.count", "sum_of_own", "in_tile")
 
 
 def damaged_index(folder):
@@ -120,15 +134,18 @@ def near_blocks(rng, inputs, middle):
     return SimpleNamespace(plane=plane, first=first, size=size, is_listed=is_listed), start, end
 
 
-@pytest.fixture(scope="module")
-def visits(tmp_path_factory):
-    """Queries of a map that its index answers: inputs, OSL's results, and the tables."""
+@pytest.fixture(scope="module", params=[0, 1], ids=["repeat", "shuffle"])
+def visits(request, tmp_path_factory):
+    """Queries of a map that its index answers: inputs, OSL's results, and the tables. Where each tile shows another cut
+    of the map, `plane` are the normals of the tiles around TILE, which begin at `origin` in the hit's plane."""
+    variation = request.param
+    cut = tiles.tile_cut(TILE, SIZE) * variation
     folder = tmp_path_factory.mktemp("index")
     normals, table, texels = damaged_index(folder)
     rng = np.random.default_rng(1)
     inputs = Inputs()
     inputs.statements.append(SETUP.format(table=table.as_posix(), index=(folder / "index.exr").as_posix(),
-                                          width=SIZE[0], height=SIZE[1]))
+                                          width=SIZE[0], height=SIZE[1], variation=variation, tile=TILE, cut=cut))
     strength = np.where(rng.random(ROWS) < 0.5, 1.0, rng.uniform(0.5, 1.5, ROWS))
     map_ = inputs.fill("map", strength=strength, visits=rng.choice([500, 1500, 4096], ROWS),
                        is_linear=(rng.random(ROWS) < 0.1).astype(int),
@@ -136,7 +153,8 @@ def visits(tmp_path_factory):
     map_.size = SIZE
     footprint = footprint_inputs(inputs, random_axes(rng, largest=0.9, thin=0.6) * 7)
     inputs.statements.append("Query query;")
-    middle = inputs.fill("query", u=rng.uniform(0, SIZE[0] - 1, ROWS), v=rng.uniform(0, SIZE[1] - 1, ROWS))
+    middle = inputs.fill("query", u=cut[0] + rng.uniform(0, SIZE[0] - 1, ROWS),
+                         v=cut[1] + rng.uniform(0, SIZE[1] - 1, ROWS))
     query = SimpleNamespace(middle=np.stack([middle.u, middle.v], axis=1), area=footprint.area,
                             short_axis=footprint.short_axis, axes=footprint.axes)
     hints = near_hints(rng, inputs, normals, map_.strength, query.middle)
@@ -144,8 +162,15 @@ def visits(tmp_path_factory):
     inputs.statements.append('facet.distribution = "beckmann";')
     wanted = inputs.add("k", rng.integers(0, HINTS, ROWS))
     blocks, start, end = near_blocks(rng, inputs, query.middle)
+    inside = np.stack([inputs.add(name, rng.integers(0, 32, ROWS)) for name in "xy"], axis=1)
+    inputs.fill("block", **{name: np.full(ROWS, value) for name, value in zip(
+        ("first_u", "first_v", "last_u", "last_v"), (*cut, *(cut + SIZE - 1)), strict=True)})
+    plane = normals
+    if variation:
+        plane = tiles.shuffled(normals, (2 * AROUND + 1,) * 2, first=np.array(TILE) - AROUND)
     osl = inputs.call(HEADER, BODY, RESULTS)
-    return SimpleNamespace(osl=osl, normals=normals, texels=texels, map=map_, query=query, hints=hints, alpha=alpha,
+    return SimpleNamespace(osl=osl, plane=plane, origin=cut - AROUND * np.array(SIZE) * variation, variation=variation,
+                           cut=cut, inside=inside, texels=texels, map=map_, query=query, hints=hints, alpha=alpha,
                            k=wanted, start=start, end=end, blocks=blocks)
 
 
@@ -154,7 +179,14 @@ def arguments(visits, row):
     settings = SimpleNamespace(strength=visits.map.strength[row], alpha=visits.alpha[row])
     hints = [SimpleNamespace(forms=hint.forms[row], turns=hint.turns[row], radius=hint.radius[row])
              for hint in visits.hints]
-    return visits.normals, settings, hints, visits.query.middle[row], visits.query.axes[row]
+    return visits.plane, settings, hints, visits.query.middle[row] - visits.origin, visits.query.axes[row]
+
+
+def block_of(visits, row):
+    """The block of one row for the twin, and which of the texels of its plane are seen."""
+    low = visits.cut - visits.origin if visits.variation else np.full(2, -np.inf)
+    return SimpleNamespace(plane=visits.blocks.plane[row] - visits.origin, size=visits.blocks.size[row], low=low,
+                           high=low + SIZE if visits.variation else np.full(2, np.inf))
 
 
 def assert_sums_agree(visits, count, importance, expected, filled=0.25):
@@ -178,7 +210,7 @@ def test_the_index_serves_where_it_is_faster(visits):
 def test_listed_elements_are_visited_and_no_others(visits):
     expected = []
     for row in range(COMPARED):
-        block = SimpleNamespace(plane=visits.blocks.plane[row], size=visits.blocks.size[row])
+        block = block_of(visits, row)
         codes = np.arange(slope_cells.SIDE**2)
         if visits.blocks.is_listed[row]:
             place = visits.blocks.first[row] // slope_cells.SIDE
@@ -193,7 +225,7 @@ def test_listed_elements_are_visited_and_no_others(visits):
 def test_a_visit_of_a_block_finds_all_its_elements_of_a_hint(visits):
     expected = []
     for row in range(COMPARED):
-        block = SimpleNamespace(plane=visits.blocks.plane[row], size=visits.blocks.size[row])
+        block = block_of(visits, row)
         expected.append(twin.visit_block(*arguments(visits, row), block, visits.k[row]))
     assert_sums_agree(visits, "in_block.count", "sum_in_block", expected)
 
@@ -203,4 +235,14 @@ def test_a_query_finds_all_elements_under_the_footprint(visits):
     assert_sums_agree(visits, "all.count", "sum_of_all", [sums for sums, _ in found])
     np.testing.assert_allclose(visits.osl["total"][:COMPARED], [total for _, total in found], rtol=1e-5)
     # The index leaves most elements unvisited.
-    assert visits.osl["map.costs.visited"].sum() < 0.7 * visits.query.area.sum() * HINTS
+    assert visits.osl["visited"].sum() < 0.7 * visits.query.area.sum() * HINTS
+
+
+def test_blocks_within_bounds_are_visited_and_what_is_seen_of_a_block_lies_in_its_tile(visits):
+    low = visits.cut - visits.origin
+    found = [twin.visit_blocks(*arguments(visits, row), low, low + SIZE) for row in range(COMPARED)]
+    assert_sums_agree(visits, "own.count", "sum_of_own", found, 0.2)
+    texel = visits.blocks.plane + visits.inside
+    seen = ((texel >= visits.cut) & (texel < visits.cut + SIZE)).all(axis=1)
+    assert 0.2 < seen.mean() < 0.9
+    np.testing.assert_array_equal(visits.osl["in_tile"], seen)

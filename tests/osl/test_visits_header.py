@@ -7,7 +7,7 @@ from glint_addon.bake import table as bake
 from tests.helpers.osl_functions import MARGIN, ROWS, Inputs, unit
 from tests.osl.queries import declared_map, declared_query, give_hints, whole_hint
 from tests.reference import map as normal_map
-from tests.reference import query, table, visits
+from tests.reference import query, table, tiles, visits
 from tests.reference.footprint import Footprint
 
 HEADERS = ("visits.h",)
@@ -142,13 +142,23 @@ CALLS = {
 }
 
 
-@pytest.mark.parametrize("call", CALLS)
-def test_visits_of_a_footprint_select_what_brute_force_selects(tmp_path, call):
+TILE = (5, -1)  # of the hit points, where each tile shows another cut of the map
+AROUND = 2  # tiles on each side of it that a footprint may reach
+OF_TEXELS = [call for call, (_, _, is_linear, _) in CALLS.items() if not is_linear]
+
+
+@pytest.mark.parametrize(("call", "variation"), [*((call, 0) for call in CALLS), *((call, 1) for call in OF_TEXELS)])
+def test_visits_of_a_footprint_select_what_brute_force_selects(tmp_path, call, variation):
     mode, points, is_linear, sure = CALLS[call]
     rng = np.random.default_rng(12)
     normals, file = baked(rng, tmp_path, is_linear)
     given = Inputs()
-    u, v = given.floats("query.u, query.v", rng.uniform(-3, (SIZE[0] + 3, SIZE[1] + 3), (ROWS, 2))).T
+    cut = tiles.tile_cut(TILE, SIZE) * variation
+    u, v = given.floats("query.u, query.v", cut + rng.uniform(-3, (SIZE[0] + 3, SIZE[1] + 3), (ROWS, 2))).T
+    tile = f"""
+      map.variation = {variation}; map.tile_u = {TILE[0]}; map.tile_v = {TILE[1]};
+      map.cut_u = {cut[0]}; map.cut_v = {cut[1]};
+    """
     turn = rng.uniform(0, 2 * np.pi, ROWS)
     long_axis = rng.uniform(0.6, 2.5, ROWS)
     short_axis = long_axis * rng.uniform(0.02, 0.4, ROWS) if mode == query.MODE_POINTS else rng.uniform(0.5, 1, ROWS)
@@ -166,8 +176,16 @@ def test_visits_of_a_footprint_select_what_brute_force_selects(tmp_path, call):
     alpha = give_facet(given, rng.uniform(0.1, 0.4, ROWS))
     chance = given.vectors("query.random", rng.random((ROWS, 3)))
     osl = given.evaluate(HEADERS, declared(normals, file, hints, is_linear, POINTS) + "Footprint f;",
-                         f"float total = {call};" + SUMS, (*SHOWN, "total", "map.costs.visited"))
+                         f"{tile} float total = {call}; int border = next_border(map, (int)floor(query.u));" + SUMS,
+                         (*SHOWN, "border", "total", "map.costs.visited"))
+    # Where all tiles are alike no column to come is a border.
+    border = cut[0] + (np.floor(u - cut[0]) // SIZE[0] + 1) * SIZE[0] if variation else np.floor(u)
+    np.testing.assert_array_equal(osl[:, -3], border)
 
+    if variation:
+        # The tiles around as one map, and the footprints in it.
+        normals = tiles.shuffled(normals, (2 * AROUND + 1,) * 2, first=np.array(TILE) - AROUND)
+        u, v = u - cut[0] + AROUND * SIZE[0], v - cut[1] + AROUND * SIZE[1]
     if points:
         total, every = np.full(ROWS, points), visits.visit_points(
             footprint, u, v, chance[:, :2], np.full(ROWS, points), is_linear, mode == query.MODE_POINTS)
@@ -179,7 +197,7 @@ def test_visits_of_a_footprint_select_what_brute_force_selects(tmp_path, call):
     else:
         twin = visits.visit_texel(hints, normals, strength, every, ROWS)
     np.testing.assert_allclose(osl[:, -2], total, rtol=1e-4, atol=1e-4)
-    assert_selected(osl[:, :-2], twin, ~twin.unclear)
+    assert_selected(osl[:, :-3], twin, ~twin.unclear)
     whole = np.ones(ROWS, bool)
     whole[every.row[every.unclear]] = False
     # An element at the very rim of the kernel has no weight that rounding can tell from none.

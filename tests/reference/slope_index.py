@@ -67,17 +67,29 @@ def kernel_of(axes, texels, middle):
 
 def visit_listed(normals, settings, hints, middle, axes, block, codes, k):
     """Sums of a visit of elements of a block for hint k. codes: their places in the block; block: first texels in the
-    plane `plane` (2,), size (2,)."""
+    plane `plane` (2,), size (2,), and the bounds low, high (2,) of the tile whose texels are seen there."""
     places = np.stack([codes % SIDE, codes // SIDE], axis=1)
     places = places[places[:, 0] < block.size[0]]
-    return plane_sums(normals, settings, hints, middle, axes, block.plane + places, {k})
+    return plane_sums(normals, settings, hints, middle, axes, seen(block, block.plane + places), {k})
+
+
+def seen(block, texels):
+    """Those of the texels (m, 2) of the plane that lie in the block's own tile."""
+    return texels[((texels >= block.low) & (texels < block.high)).all(axis=1)]
 
 
 def visit_block(normals, settings, hints, middle, axes, block, k):
     """Sums of a visit of all elements of a block for hint k."""
     x, y = np.meshgrid(np.arange(block.size[0]), np.arange(block.size[1]))
     texels = block.plane + np.stack([x, y], axis=-1).reshape(-1, 2)
-    return plane_sums(normals, settings, hints, middle, axes, texels, {k})
+    return plane_sums(normals, settings, hints, middle, axes, seen(block, texels), {k})
+
+
+def visit_blocks(normals, settings, hints, middle, axes, low, high):
+    """Sums over the texels from low to before high (2,) of the plane that lie under the footprint."""
+    x, y = (np.arange(*ends) for ends in zip(low, high, strict=True))
+    texels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return plane_sums(normals, settings, hints, middle, axes, texels, set(range(len(hints))))
 
 
 def index_query(normals, settings, hints, middle, axes):
