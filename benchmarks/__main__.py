@@ -14,7 +14,7 @@ from pathlib import Path
 FOLDER = Path(__file__).resolve().parent
 # Modules beside this one with a command line of their own.
 OTHERS = ("query", "sweep", "dolly", "temporal", "no_hints", "lights", "light_size", "by_nodes", "denoise", "bake",
-          "generate", "surfaces", "preset_cost")
+          "generate", "surfaces", "endless", "preset_cost")
 
 
 def main(arguments=None) -> int:

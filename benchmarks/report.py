@@ -26,6 +26,7 @@ OTHERS = {
     "lights": "Kinds of light",
     "light_size": "A sun of any size",
     "surfaces": "Kinds of surface, and flakes",
+    "endless": "Endless surfaces",
     "by_nodes": "By nodes alone, without Open Shading Language",
     "gpu": "By nodes alone, on a GPU",
     "denoise": "Denoising",
