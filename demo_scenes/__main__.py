@@ -11,10 +11,10 @@ from pathlib import Path
 SHOWCASE = ("car_paint", "snow", "metal_and_glitter")
 FIGURES = ("constant_colour", "checker_sphere", "image_sphere", "glint_before_after")
 COMPARISONS = ("flakes_close", "flakes_far", "scratches_close", "brushed_far")
-THREE_WAYS = "three_ways"
-ALL = (*SHOWCASE, *FIGURES, *COMPARISONS, THREE_WAYS)
+SHEETS = ("three_ways", "endless")  # several scenes in one picture
+ALL = (*SHOWCASE, *FIGURES, *COMPARISONS, *SHEETS)
 # What three minutes on two cores do not suffice for.
-GALLERY = ("flakes_far", "brushed_far", THREE_WAYS)
+GALLERY = ("flakes_far", "brushed_far", *SHEETS)
 DEMO = tuple(name for name in ALL if name not in GALLERY)
 
 
@@ -64,7 +64,7 @@ def _start_blender(out):
 
 def _draw(names, out, *, readme):
     """Render scenes, and write the table of those that are compared."""
-    from . import report, showcase, three_ways
+    from . import report, showcase
     from .comparison import compare
     from .figure import draw_figure
 
@@ -77,8 +77,8 @@ def _draw(names, out, *, readme):
         scene_module = import_module(f".{name}", __package__)
         if name in COMPARISONS:
             rows += compare(scene_module, out)
-        elif name == THREE_WAYS:
-            three_ways.draw(out)
+        elif name in SHEETS:
+            scene_module.draw(out)
         else:
             draw_figure(scene_module, out)
     if rows:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import glint_addon
-from demo_scenes import measure, picture, preset_stage, presets, report, showcase, stage
-from demo_scenes.__main__ import ALL, COMPARISONS, DEMO, GALLERY, SHOWCASE
+from demo_scenes import endless, measure, picture, preset_stage, presets, report, showcase, stage
+from demo_scenes.__main__ import ALL, COMPARISONS, DEMO, GALLERY, SHEETS, SHOWCASE
 from glint_addon import paths
 from tests.helpers.cycles import read_image
 from tests.helpers.stress_marks import thinned
@@ -123,7 +123,7 @@ def test_a_jpeg_is_written_where_the_name_says_so(tmp_path):
 def test_the_demo_begins_with_what_the_product_is_for_and_leaves_the_slow_ones_to_the_gallery():
     assert DEMO[:3] == SHOWCASE == tuple(showcase.SCENES)
     assert set(DEMO) | set(GALLERY) == set(ALL) and not set(DEMO) & set(GALLERY)
-    assert set(GALLERY) < {*COMPARISONS, "three_ways"}
+    assert set(GALLERY) < {*COMPARISONS, *SHEETS}
     assert showcase.SIZE[0] >= 960 and showcase.SIZE[1] >= 540
 
 
@@ -131,6 +131,14 @@ def test_the_demo_begins_with_what_the_product_is_for_and_leaves_the_slow_ones_t
 def test_a_large_picture_is_lit_and_its_glints_are_found(name):
     pixels = showcase.rendered(name, (32, 18), 2)
     assert np.isfinite(pixels).all() and 0.02 < measure.luminance(pixels).mean() < 3
+
+
+@pytest.mark.parametrize("surface", endless.SURFACES)
+def test_a_large_surface_is_as_bright_shuffled_as_repeated(surface):
+    pictures = [endless.rendered(endless.SURFACES[surface], variation, (24, 14), 4) for variation in endless.VARIATIONS]
+    repeat, shuffle = (measure.luminance(each).mean() for each in pictures)
+    assert 0.05 < repeat < 3 and shuffle == pytest.approx(repeat, rel=0.05)
+    assert (pictures[0] != pictures[1]).any()
 
 
 def test_a_grids_uvs_are_metres_from_its_middle_column():
