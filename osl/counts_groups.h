@@ -68,10 +68,15 @@ Blocks blocks_under(Map map, Level level, Query query)
   blocks.first_row = (int)floor((query.v - reach_v) / level.group_v);
   blocks.columns = (int)floor((query.u + reach_u) / level.group_u) - blocks.first_column + 1;
   int rows = (int)floor((query.v + reach_v) / level.group_v) - blocks.first_row + 1;
-  /* Multiply as floats, because an int overflows for very far footprints. Other tiles show other groups. */
-  blocks.is_random = (float)blocks.columns * rows > MOST_GROUPS || leaves_tile(map, query, reach_u, reach_v);
+  /* Multiply as floats, because an int overflows for very far footprints. */
+  int are_many = (float)blocks.columns * rows > MOST_GROUPS;
+  blocks.is_random = are_many || leaves_tile(map, query, reach_u, reach_v);
   blocks.is_thin = max(blocks.side_u, blocks.side_v) > query.footprint.short_axis;
-  blocks.groups = !blocks.is_random ? blocks.columns * rows : level.columns * level.rows == 1 ? 1 : FAR_GROUPS;
+  blocks.groups = blocks.columns * rows;
+  if (blocks.is_random) {
+    /* Over several tiles as many as are read within one: decision 75. */
+    blocks.groups = level.columns * level.rows == 1 ? 1 : are_many ? FAR_GROUPS : DRAWN_GROUPS;
+  }
   return blocks;
 }
 

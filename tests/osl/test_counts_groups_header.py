@@ -234,7 +234,8 @@ OTHER_TILES = """
   query.u = map.cut_u + inside_u;
   query.v = map.cut_v + inside_v;
   int leaves = leaves_tile(map, query, reach_u, reach_v);
-  Blocks blocks;
+  Blocks blocks = blocks_under(map, level, query);
+  int groups = blocks.groups;
   blocks.is_thin = 0;
   Group found = random_group(blocks, map, level, query, g);
 """
@@ -256,13 +257,25 @@ def test_groups_of_other_tiles_are_those_that_their_cuts_show():
     inside = np.stack([inputs.add(name, rng.uniform(0, sizes[:, k])) for k, name in enumerate(names)], axis=1)
     reach = np.stack([inputs.add(f"reach_{axis}", rng.uniform(0, 60, ROWS)) for axis in "uv"], axis=1)
     g = inputs.add("g", rng.integers(0, twin.FAR_GROUPS, ROWS))
-    osl = inputs.call(HEADER, OTHER_TILES, ("leaves", "found.column", "found.row", "found.shift_u", "found.shift_v"))
+    osl = inputs.call(HEADER, OTHER_TILES, (
+        "leaves", "found.column", "found.row", "found.shift_u", "found.shift_v", "groups", "blocks.is_random"))
 
     margin = np.minimum(inside - reach, sizes - inside - reach).min(axis=1)
     assert_whole_agree(osl["leaves"], (margin < 0).astype(int), np.abs(margin) > 1e-3)
     cut = np.array([tiles.tile_cut(*pair) for pair in zip(tile, sizes, strict=True)])
-    level = SimpleNamespace(group_u=np.ones(ROWS), group_v=np.ones(ROWS))
     query = SimpleNamespace(middle=cut + inside, random=random, axes=footprint.axes)
+    group_u, group_v = (sizes / counts).T
+    level = SimpleNamespace(group_u=group_u, group_v=group_v, columns=counts[:, 0], rows=counts[:, 1])
+    blocks = twin.blocks_under(level, query)
+    own_reach = blocks.reach - np.stack([blocks.side_u, blocks.side_v], axis=1) / 2
+    own_margin = np.minimum(inside - own_reach, sizes - inside - own_reach).min(axis=1)
+    few = np.where(counts.prod(axis=1) == 1, 1, twin.DRAWN_GROUPS)
+    groups = np.where(blocks.is_random | (own_margin >= 0), blocks.groups, few)
+    sure = (np.abs(own_margin) > 1e-3) & ~near_whole(blocks.edges)
+    assert_whole_agree(osl["groups"], groups, sure, least=0.9)
+    assert_whole_agree(osl["blocks.is_random"], blocks.is_random | (own_margin < 0), sure, least=0.9)
+
+    level = SimpleNamespace(group_u=np.ones(ROWS), group_v=np.ones(ROWS))
     point = twin.random_group(SimpleNamespace(is_thin=np.zeros(ROWS, bool)), level, query, g)[2]
     away = (point - cut) / sizes
     other = np.array([tiles.tile_cut(*pair) for pair in zip(tile + np.floor(away).astype(int), sizes, strict=True)])
