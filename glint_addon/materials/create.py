@@ -40,11 +40,10 @@ def create_glint_material(
     ready one of a `preset`, by a name of `presets()`, whose map is generated.
 
     roughness 0..1 of a single facet (alpha is its square); distribution 'BECKMANN' or 'GGX'; interpolation 'LINEAR' or
-    'CLOSEST'; convention 'OPENGL' (+Y) or 'DIRECTX' (-Y); strength scales the slopes; uv_map "" is
-    the active render UV map; extension 'REPEAT', 'EXTEND', 'CLIP' or 'MIRROR', as of an Image Texture node: all but
-    the first are as noisy as Blender's own nodes where a footprint meets the map's edge, and beyond; variation 'REPEAT'
-    or 'SHUFFLE', by which each repeat is another cut of the map, and which takes interpolation 'CLOSEST'; scale is the
-    width in metres of one repeat, None repeats the map as the UV map says.
+    'CLOSEST'; convention 'OPENGL' (+Y) or 'DIRECTX' (-Y); strength scales the slopes; uv_map "" is the one active for
+    rendering; extension 'REPEAT', 'EXTEND', 'CLIP' or 'MIRROR', as of an Image Texture node: where a footprint meets
+    the map's edge, and beyond, all but the first have the noise of Blender's nodes; variation 'REPEAT' or 'SHUFFLE', by
+    which each repeat is another cut of the map, for 'CLOSEST'; scale: metres of one repeat, None: as the UV map says.
     surface: what facets are made of, as the BSDF node that follows Image Texture -> Normal Map: 'TINT' is Glossy BSDF
     of `color`; 'METAL' Metallic BSDF of base colour `color` and `edge_tint`; 'CONDUCTOR' Metallic BSDF of `ior` and
     `extinction`, three numbers each; 'DIELECTRIC' the reflection of Principled BSDF of `ior` and specular tint `color`,
@@ -54,7 +53,7 @@ def create_glint_material(
     of `base_color`, or whatever is linked to Base afterwards. flake_color: path or image with a colour for each texel,
     which multiplies the surface's. Both are of the size of the map, and need interpolation 'CLOSEST'.
     With a preset all arguments that are not given are the preset's; given values of the surface take their place.
-    Raises MapError or ShaderError, and then leaves nothing behind. Call `prepare_scene` before rendering.
+    Call `prepare_scene` before rendering. Raises MapError or ShaderError, and then leaves nothing behind.
     """
     settings = {name: value for name, value in locals().items() if name not in ("name", "normal_map", "preset")}
     if preset:

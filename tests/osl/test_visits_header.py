@@ -147,6 +147,21 @@ AROUND = 2  # tiles on each side of it that a footprint may reach
 OF_TEXELS = [call for call, (_, _, is_linear, _) in CALLS.items() if not is_linear]
 
 
+def random_footprints(rng, given, *, is_thin):
+    """Give OSL's `query` random footprints; the same as OSL gets them."""
+    turn = rng.uniform(0, 2 * np.pi, ROWS)
+    long_axis = rng.uniform(0.6, 2.5, ROWS)
+    short_axis = long_axis * rng.uniform(0.02, 0.4, ROWS) if is_thin else rng.uniform(0.5, 1, ROWS)
+    short_axis = np.minimum(short_axis, long_axis)
+    axes = np.stack([long_axis * np.cos(turn), -short_axis * np.sin(turn), long_axis * np.sin(turn),
+                     short_axis * np.cos(turn)], axis=1)
+    axes = given.floats("f.ux, f.uy, f.vx, f.vy", axes)
+    long_axis, short_axis, area = given.floats("f.long_axis, f.short_axis, f.area", np.stack(
+        [long_axis, short_axis, np.pi * long_axis * short_axis], axis=1)).T
+    given.statements.append("query.footprint = f;")
+    return Footprint(*axes.T, *[None] * 4, area, long_axis, short_axis)
+
+
 @pytest.mark.parametrize(("call", "variation"), [*((call, 0) for call in CALLS), *((call, 1) for call in OF_TEXELS)])
 def test_visits_of_a_footprint_select_what_brute_force_selects(tmp_path, call, variation):
     mode, points, is_linear, sure = CALLS[call]
@@ -159,17 +174,7 @@ def test_visits_of_a_footprint_select_what_brute_force_selects(tmp_path, call, v
       map.variation = {variation}; map.tile_u = {TILE[0]}; map.tile_v = {TILE[1]};
       map.cut_u = {cut[0]}; map.cut_v = {cut[1]};
     """
-    turn = rng.uniform(0, 2 * np.pi, ROWS)
-    long_axis = rng.uniform(0.6, 2.5, ROWS)
-    short_axis = long_axis * rng.uniform(0.02, 0.4, ROWS) if mode == query.MODE_POINTS else rng.uniform(0.5, 1, ROWS)
-    short_axis = np.minimum(short_axis, long_axis)
-    axes = np.stack([long_axis * np.cos(turn), -short_axis * np.sin(turn), long_axis * np.sin(turn),
-                     short_axis * np.cos(turn)], axis=1)
-    axes = given.floats("f.ux, f.uy, f.vx, f.vy", axes)
-    long_axis, short_axis, area = given.floats("f.long_axis, f.short_axis, f.area", np.stack(
-        [long_axis, short_axis, np.pi * long_axis * short_axis], axis=1)).T
-    given.statements.append("query.footprint = f;")
-    footprint = Footprint(*axes.T, *[None] * 4, area, long_axis, short_axis)
+    footprint = random_footprints(rng, given, is_thin=mode == query.MODE_POINTS)
     place = rng.integers(0, SIZE, (ROWS, 2)).T
     n = normal_map.map_normal(normals, 1.0, *place)
     hints = give_hints(given, [hints_at(rng, n, 0.2, 4.0), hints_at(rng, n[::-1], 0.2, 4.0)])
