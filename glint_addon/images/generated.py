@@ -119,7 +119,7 @@ def check_unchanged(image: bpy.types.Image, *, overwrite: bool = False) -> None:
             raise MapError(f'Image "{each.name}" is linked from another file: make it local to generate it again.')
         if not overwrite and GENERATED_CONTENT in each and is_edited(each):
             raise EditedError(f'Image "{each.name}" was edited after it was generated: choose Overwrite Edits to lose '
-                           "that, or generate a new map.")
+                              "that, or generate a new map.")
 
 
 def is_edited(image: bpy.types.Image) -> bool:

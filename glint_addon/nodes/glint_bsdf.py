@@ -12,7 +12,7 @@ import bpy
 from ..errors import MapError, SceneError
 from ..images import image_shape, is_several
 from ..properties import OLD_INTERPOLATION, OLD_PROPERTIES, STAMP
-from . import glint_lights, places, resampled
+from . import glint_lights, places, resampled, tiles
 from .builder import (
     Socket,
     add_input,
@@ -40,7 +40,6 @@ from .map_choices import CHOICES, FACETS_NODE, IMAGE_NODE, NORMAL_NODE, SHUFFLE_
 from .map_tables import SCRIPT_NODE, forget_table
 from .script_node import add_script_node, osl_available
 from .surface_kinds import KINDS, add_facets, surface_of
-from .tiles import add_shuffle, follow_size
 
 NAME = "Glint BSDF"
 VERSION = 15
@@ -185,11 +184,12 @@ def refresh(group):
 
 def _is_complete(group) -> bool:
     """Whether the nodes that Blender's own do not replace are all there, and the shader, if any, is compiled."""
-    names = (*OWN_NODES, *(resampled.NODES if map_of(group) is not None else ()))
+    has_map = map_of(group) is not None
+    names = (*OWN_NODES, *(resampled.NODES if has_map else ()))
     if osl_available():
         names = (*OSL_NODES, *names)
-    is_whole = all(name in group.nodes for name in names)
-    return is_whole and (not osl_available() or bool(group.nodes[SCRIPT_NODE].bytecode))
+    are_there = all(name in group.nodes for name in names) and (not has_map or tiles.is_whole(group))
+    return are_there and (not osl_available() or bool(group.nodes[SCRIPT_NODE].bytecode))
 
 
 def _has_places(group) -> bool:
@@ -326,7 +326,7 @@ def is_way_chosen(group) -> bool:
 def follow_footprints(group, size, *, are_wide: bool):
     """Let cuts and places of a Glint BSDF group, if it has any, know its map's `size` (width, height) in texels, and
     places whether a camera sees a footprint wider than a texel: where none does, they are not even compiled."""
-    follow_size(group, size)
+    tiles.follow_size(group, size)
     if _has_places(group):
         places.follow_size(group, size)
         write_number(group.nodes[resampled.WIDE_NODE].outputs["Value"], float(are_wide))
@@ -353,7 +353,7 @@ def _add_native_nodes(group, binding, source, coordinates):
     """Blender's own nodes for the same surface; returns the BSDF output. coordinates: of the active UV map."""
     vector = source.outputs[VECTOR.name]
     if binding.variation == "SHUFFLE":
-        vector = add_shuffle(group, vector_or(group, vector, coordinates), SHUFFLE_NODE)
+        vector = tiles.add_shuffle(group, vector_or(group, vector, coordinates), SHUFFLE_NODE)
     texture = add_node(group, "ShaderNodeTexImage", IMAGE_NODE)
     _read_map(group, binding.image)
     normal_map = add_node(group, "ShaderNodeNormalMap", NORMAL_NODE)

@@ -26,6 +26,11 @@ def variation_of(group) -> str:
     return next((value for value, node in NODES.items() if node in group.nodes), VARIATION.default)
 
 
+def is_whole(group) -> bool:
+    """Whether the places of a Glint BSDF group vary as its own nodes do: a user may have deleted one of the two."""
+    return (SHUFFLE_NODE in group.nodes) == (PLACES_SHUFFLE in group.nodes)
+
+
 def add_shuffle(group, coordinates: bpy.types.NodeSocket, name: str) -> bpy.types.NodeSocket:
     """Add the node `name` that moves texture coordinates by the cut of their tile; returns its output."""
     node = add_hidden_group(group, NAME, name, {"Coordinates": coordinates}, _FORMULAS)

@@ -13,8 +13,10 @@ from demo_scenes.truth import truth_material
 from glint_addon import create_glint_material, prepare_scene
 from glint_addon.errors import MapError
 from glint_addon.materials.find import glint_groups
-from glint_addon.nodes.glint_bsdf import follow_footprints, group_binding
+from glint_addon.nodes.glint_bsdf import follow_footprints, group_binding, refresh
+from glint_addon.nodes.map_choices import SHUFFLE_NODE
 from glint_addon.nodes.map_tables import SCRIPT_NODE
+from glint_addon.nodes.resampled import WIDE_NODE
 from glint_addon.nodes.tiles import PLACES_SHUFFLE, PRIME
 from tests.helpers import cycles
 from tests.helpers.extension import refused
@@ -116,6 +118,35 @@ def test_the_lobe_shows_the_arrangement_on_seams_as_inside(texels, has_flakes):
     squares = np.square(found - truth).mean(axis=-1)
     assert squares[is_seam].mean() < 1.5 * squares[~is_seam].mean() + 1e-6
     assert np.sqrt(squares.mean()) < 0.15 * truth.mean()
+
+
+@pytest.mark.parametrize("has_flakes", [False, True])
+def test_places_show_the_arrangement_too(has_flakes):
+    side, count, _, spp = DISTANCES[4.0]
+    shown, material = scene_with(partial(shuffled_material, side, has_flakes), repeats=count, spp=256)
+    prepare_scene(shown)
+    shown.cycles.shading_system = False
+    (group,) = glint_groups(material)
+    assert group.nodes[WIDE_NODE].outputs["Value"].default_value == 1.0
+    found = cycles.rendered(shown)[..., :3]
+    shown, _ = scene_with(partial(written_out, side, count, (-count // 2,) * 2, has_flakes), repeats=1, spp=spp,
+                          middle=(0.5, 0.5))
+    truth = cycles.rendered(shown)[..., :3]
+    assert found.mean() == pytest.approx(truth.mean(), rel=0.01)
+    # Repeats that were alike would not be like the truth.
+    assert np.corrcoef(found.ravel(), truth.ravel())[0, 1] > 0.8
+
+
+def test_a_group_that_lost_a_shuffle_is_mended(scene):
+    material = shuffled_material(SIDE, True)
+    (group,) = glint_groups(material)
+    group.nodes.remove(group.nodes[PLACES_SHUFFLE])
+    refresh(group)
+    assert PLACES_SHUFFLE in group.nodes and group_binding(group).variation == "SHUFFLE"
+    group.nodes.remove(group.nodes[SHUFFLE_NODE])
+    refresh(group)
+    assert PLACES_SHUFFLE not in group.nodes and group_binding(group).variation == "REPEAT"
+    assert group.nodes["Normal Map Image"].inputs["Vector"].is_linked
 
 
 def test_no_repeat_is_like_the_next():
